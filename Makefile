@@ -1,0 +1,64 @@
+# One-line doors to the tools; nothing here is needed once the environment is active.
+SHELL := /bin/bash
+PYTHON ?= python3
+BIN := .venv/bin
+UV := $(BIN)/python -m uv
+SNAKEMAKE := $(BIN)/python -m snakemake
+UV_VERSION := 0.13.9
+READY := .venv/.ready
+# One thread a job: two jobs run side by side. Caches stay here, so that any user may build anywhere.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+export XDG_CACHE_HOME ?= $(CURDIR)/.cache
+export MPLCONFIGDIR ?= $(CURDIR)/.cache/matplotlib
+export PYTHONHASHSEED := 0
+
+.PHONY: all quick test slow report lint format lock bench accept setup clean
+.DEFAULT_GOAL := all
+
+all: $(READY)  ## every study with its default worlds
+	$(SNAKEMAKE)
+
+quick: $(READY)  ## the same pages from few worlds
+	$(SNAKEMAKE) --configfile config/quick.yaml
+
+test: $(READY)  ## the test suite
+	$(BIN)/python -m pytest -n 2
+
+report: all  ## Snakemake's own provenance report
+	$(SNAKEMAKE) --report reports/provenance.html
+
+lint: $(READY)  ## style, types and workflow
+	$(BIN)/python -m ruff check .
+	$(BIN)/python -m ruff format --check .
+	$(BIN)/python -m snakefmt --check Snakefile workflow
+	$(BIN)/python -m mypy
+	$(SNAKEMAKE) --lint
+
+format: $(READY)
+	$(BIN)/python -m ruff check --fix .
+	$(BIN)/python -m ruff format .
+	$(BIN)/python -m snakefmt Snakefile workflow
+
+lock: $(READY)  ## resolve the dependencies anew
+	$(UV) pip compile pyproject.toml --group dev --universal --python-version 3.11 --no-emit-index-url \
+	  --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
+
+bench: $(READY)  ## speed and memory, measured and printed
+	$(BIN)/python -m pytest benchmarks -o python_files='bench_*.py' -o addopts= --benchmark-only
+
+accept: all  ## take the verdicts of this build over as the accepted ledger, and into the README
+	cp results/claims.csv tests/golden/claims.csv
+	$(BIN)/python docs/readme_tables.py
+
+setup: $(READY)
+
+$(READY): requirements.lock pyproject.toml Makefile
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m uv --version 2>/dev/null | grep -qF $(UV_VERSION) || $(BIN)/python -m pip install -q uv==$(UV_VERSION)
+	$(UV) pip sync -q --require-hashes requirements.lock
+	$(UV) pip install -q --no-deps --no-build-isolation -e .
+	touch $(READY)
+
+clean:  ## remove everything that was computed
+	rm -rf results/* data/synthetic data/recorded data/quick reports/*.html reports/*.csv reports/*.md reports/quick .snakemake

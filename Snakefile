@@ -1,0 +1,41 @@
+# Reposition: rebuilds every table and figure of the studies in config/config.yaml.
+from snakemake.utils import min_version
+
+min_version("9.0")
+
+
+configfile: "config/config.yaml"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/data.smk"
+include: "workflow/rules/run.smk"
+include: "workflow/rules/score.smk"
+include: "workflow/rules/compare.smk"
+include: "workflow/rules/report.smk"
+
+
+wildcard_constraints:
+    study=one_of(STUDIES),
+    row=one_of(row for study in STUDIES.values() for row in study.rows),
+    batch="[0-9]{5}",
+
+
+rule all:
+    default_target: True
+    input:
+        f"{REPORTS}/index.html",
+        f"{RESULTS}/ledger.txt",
+
+
+for name in STUDIES:
+
+    rule:
+        name:
+            name
+        input:
+            study_outputs(name),
+
+
+onsuccess:
+    print(f"Done. The report: {REPORTS}/index.html")

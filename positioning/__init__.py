@@ -1,0 +1,1 @@
+"""The Reposition library: positioning algorithms' parts, worlds, evaluation and presentation."""

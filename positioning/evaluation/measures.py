@@ -1,0 +1,119 @@
+"""From raw errors to one value a world, and from these to the rows of a table."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from positioning.evaluation.metrics import METRICS, figures_of_merit
+from positioning.evaluation.statistics import paired_difference, single_experiment_interval
+
+MEASURES = ["family", "algorithm", "value", "world", "metric", "x"]
+TABLE = ["algorithm", "family", "worlds", "n", "mean_m", "se_m", "sd_worlds_m", "rmse_m"]
+TABLE += ["p50_m", "p75_m", "p90_m", "p95_m", "max_m", "mean_low_m", "mean_high_m"]
+PAIRED = ["family", "algorithm", "against", "difference_m", "low_m", "high_m", "share_smaller", "n", "unit"]
+
+
+def measure(errors: pd.DataFrame, algorithm: str) -> pd.DataFrame:
+    """Return every metric of every world of one algorithm, as rows ``MEASURES``.
+
+    Parameters
+    ----------
+    errors
+        Raw errors: ``family, value, world, sample, error_m``; ``value`` is NaN outside sweeps.
+    algorithm
+        The row's name.
+    """
+    parts = []
+    for (family, value, world), group in errors.groupby(["family", "value", "world"], dropna=False, sort=True):
+        merits = figures_of_merit(group.sort_values("sample")["error_m"].to_numpy(dtype=float))
+        parts.extend((family, algorithm, value, world, name, float(x)) for name, x in merits.items())
+    return pd.DataFrame(parts, columns=MEASURES)
+
+
+def table(
+    measures: pd.DataFrame,
+    rows: Sequence[str],
+    skipped: Mapping[tuple[str, str], str],
+    published: Mapping[tuple[str, str], Mapping[str, str]],
+) -> pd.DataFrame:
+    """Return one row an algorithm and family: means over worlds, spread, published numbers, note.
+
+    Parameters
+    ----------
+    measures
+        As `measure` returns them, of all algorithms.
+    rows
+        Algorithms in the order of the table.
+    skipped
+        Reason by (family, algorithm), for algorithms that could not run there.
+    published
+        Printed digits by (family, algorithm) and metric.
+    """
+    metrics = sorted({metric for numbers in published.values() for metric in numbers})
+    lines = []
+    wide = measures.pivot_table(index=["family", "algorithm", "world"], columns="metric", values="x", sort=False)
+    for family in dict.fromkeys([*measures["family"], *(family for family, _ in skipped)]):
+        for algorithm in rows:
+            line: dict[str, Any] = {"algorithm": algorithm, "family": family}
+            line |= {f"published_{metric}": published.get((family, algorithm), {}).get(metric, "") for metric in metrics}
+            line["note"] = skipped.get((family, algorithm), "")
+            if not line["note"]:
+                worlds = wide.loc[(family, algorithm)]
+                interval = single_experiment_interval(worlds["mean_m"].to_numpy(dtype=float))
+                line |= {name: worlds[name].mean() for name in METRICS}
+                line |= {
+                    "worlds": len(worlds),
+                    "n": int(worlds["n"].iloc[0]),
+                    "sd_worlds_m": worlds["mean_m"].std(ddof=1),
+                    "mean_low_m": interval.low if len(worlds) > 1 else np.nan,
+                    "mean_high_m": interval.high if len(worlds) > 1 else np.nan,
+                }
+            lines.append(line)
+    columns = [*TABLE, *(f"published_{metric}" for metric in metrics), "note"]
+    return pd.DataFrame(lines, columns=columns).astype({"worlds": "Int64", "n": "Int64"})
+
+
+def paired(errors: Mapping[str, pd.DataFrame], rows: Sequence[str]) -> pd.DataFrame:
+    """Return paired differences of mean errors between all rows of a table, on the same worlds.
+
+    Where a family is a single recording, the samples of that recording are the pairs; that is said
+    in the column ``unit``, because samples of one place are not independent of each other.
+
+    Parameters
+    ----------
+    errors
+        Raw errors by row.
+    rows
+        Algorithms in the order of the table.
+    """
+    lines = []
+    for family in dict.fromkeys(family for row in rows for family in errors[row]["family"].unique()):
+        present = [row for row in rows if (errors[row]["family"] == family).any()]
+        values = {}
+        for row in present:
+            own = errors[row][errors[row]["family"] == family]
+            several = own["world"].nunique() > 1
+            unit = "world" if several else "sample"
+            values[row] = own.groupby(unit)["error_m"].mean()
+        for algorithm in present:
+            for against in present:
+                if algorithm != against:
+                    both = pd.concat([values[algorithm], values[against]], axis=1, join="inner").to_numpy()
+                    result = paired_difference(both[:, 0], both[:, 1])
+                    lines.append((family, algorithm, against, *result, unit))
+    return pd.DataFrame(lines, columns=PAIRED)
+
+
+def published_numbers(
+    claims: Iterable[Mapping[str, Any]], families: Sequence[str]
+) -> dict[tuple[str, str], dict[str, str]]:
+    """Return the printed digits that belong to rows of the table, by (family, algorithm) and metric."""
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for claim in claims:
+        quantity = claim.get("quantity", {})
+        if claim["kind"] == "value" and quantity.keys() <= {"algorithm", "metric", "family"}:
+            for family in [quantity["family"]] if "family" in quantity else families:
+                found.setdefault((family, quantity["algorithm"]), {})[quantity["metric"]] = claim["printed"]
+    return found

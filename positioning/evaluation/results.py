@@ -1,0 +1,96 @@
+"""Reads what the workflow made of a study, for comparisons, claims, figures and pages."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from positioning.files import Tree, read_errors, read_tree
+
+
+def read_row_errors(paths: Sequence[str]) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Return the raw errors of one algorithm over all batches, and the families that it skipped."""
+    frames, skipped = [], {}
+    for path in sorted(paths):
+        columns, reasons = read_errors(path)
+        frames.append(pd.DataFrame(columns))
+        skipped |= reasons
+    return pd.concat(frames, ignore_index=True), skipped
+
+
+def read_row_times(paths: Sequence[str], row: str) -> pd.DataFrame:
+    """Return the seconds that one algorithm spent: ``family, algorithm, value, world, seconds``."""
+    parts = []
+    for path in sorted(paths):
+        for branch, step in read_tree(path).items():
+            if len(step["seconds"]):
+                parts.append(
+                    pd.DataFrame(
+                        {
+                            "family": branch.rpartition("/")[0],
+                            "algorithm": row,
+                            "value": float(step["value"]),
+                            "world": step["world"],
+                            "seconds": step["seconds"],
+                        }
+                    )
+                )
+    columns = ["family", "algorithm", "value", "world", "seconds"]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=columns)
+
+
+def read_stacks(paths: Sequence[str]) -> dict[str, Tree]:
+    """Return archives by path, for a study's own measures."""
+    return {path: read_tree(path) for path in sorted(paths)}
+
+
+@dataclass(frozen=True)
+class StudyResults:
+    """All that figures and pages of a study may draw on.
+
+    Attributes
+    ----------
+    study
+        Its name.
+    rows
+        Algorithms of the table, in order.
+    sweeps
+        Name to the setting swept and its values.
+    measures
+        One value a world: ``family, algorithm, value, world, metric, x``.
+    error_files
+        Raw errors of all rows and sweeps.
+    observed, truth
+        The first batch of worlds, for drawing one of them.
+    paper
+        What the paper reports: settings, claims, readings.
+    """
+
+    study: str
+    rows: tuple[str, ...]
+    sweeps: dict[str, tuple[str, tuple[float, ...]]]
+    measures: pd.DataFrame
+    error_files: tuple[str, ...]
+    observed: Tree
+    truth: Tree
+    paper: dict[str, Any] = field(default_factory=dict)
+
+    def errors(self, row: str, family: str | None = None) -> pd.DataFrame:
+        """Return raw errors of a row: ``family, value, world, sample, error_m`` and components."""
+        frame, _ = read_row_errors([p for p in self.error_files if Path(p).parent.name == row])
+        return frame if family is None else frame[frame["family"] == family]
+
+    def families(self) -> list[str]:
+        """Return the families of worlds, or the recordings, in their order."""
+        return list(self.observed)
+
+    def curve(self, sweep: str, metric: str = "mean_m") -> pd.DataFrame:
+        """Return a sweep's metric: index = value of the setting, one column a world."""
+        own = self.measures[(self.measures["algorithm"] == sweep) & (self.measures["metric"] == metric)]
+        return own.pivot_table(index="value", columns="world", values="x")
+
+    def printed(self, claim: str) -> str:
+        """Return the printed digits of a claim."""
+        return next(str(c["printed"]) for c in self.paper["claims"] if c["id"] == claim)

@@ -1,0 +1,193 @@
+"""Common parts of the fingerprinting algorithms: who may train, signal distances, not heard."""
+
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.distance import cdist
+from sklearn.base import BaseEstimator, RegressorMixin, TransformerMixin
+from sklearn.utils.validation import check_is_fitted
+
+from positioning.errors import InputError
+from positioning.model import Array, Survey
+
+Mask = NDArray[np.bool_]
+Index = NDArray[np.intp]
+
+
+def training_members(position_m: ArrayLike) -> Mask:
+    """Tell, for every fold of a leave-one-out, which fingerprints may train.
+
+    See Mirzababaei & Akbari, section 6 ("Leave-One-Out method"). The whole reference point is left
+    out: no fingerprint taken at exactly the tested one's position trains.
+
+    Parameters
+    ----------
+    position_m
+        Positions, [n, 2], metres.
+
+    Returns
+    -------
+    NDArray
+        [n, n], row = fold, True where the column may train.
+    """
+    position = np.asarray(position_m, dtype=np.float64)
+    members: Mask = (position[:, None, 0] != position[None, :, 0]) | (position[:, None, 1] != position[None, :, 1])
+    return members
+
+
+def fill_not_heard(rss_dbm: ArrayLike, floor_dbm: float) -> Array:
+    """Return the readings with ``floor_dbm`` in place of NaN.
+
+    See Mirzababaei & Akbari, section 6; the paper does not say how it fills them.
+
+    Parameters
+    ----------
+    rss_dbm
+        Received signal strength, [..., ap], dBm; NaN = not heard.
+    floor_dbm
+        What stands for an access point that was not heard, dBm.
+    """
+    rss = np.asarray(rss_dbm, dtype=np.float64)
+    return np.where(np.isnan(rss), floor_dbm, rss)
+
+
+def signal_distance_db(first_dbm: ArrayLike, second_dbm: ArrayLike) -> Array:
+    """Return the Euclidean distance between fingerprints in signal space.
+
+    See Mirzababaei & Akbari, eqs. 65 and 69. Each pair is computed by itself, so that equal
+    fingerprints have exactly equal distances, whatever else is in the arrays.
+
+    Parameters
+    ----------
+    first_dbm, second_dbm
+        Fingerprints without NaN, [m, ap] and [n, ap], dBm.
+
+    Returns
+    -------
+    Array
+        [m, n], dB.
+    """
+    distance: Array = cdist(np.asarray(first_dbm, np.float64), np.asarray(second_dbm, np.float64))
+    return distance
+
+
+def nearest_members(distance_db: Array, count: int, member: Mask | None = None, name: str = "k") -> Index:
+    """Return the indices of the nearest fingerprints, the nearest first, ties by index.
+
+    See Mirzababaei & Akbari, section 6, step 1 of WKNN.
+
+    Parameters
+    ----------
+    distance_db
+        Distances to the training fingerprints, [m, n], dB.
+    count
+        How many neighbours.
+    member
+        [m, n], False where a fingerprint must not be used; None allows all.
+    name
+        The name under which the user set ``count``, for the error.
+
+    Returns
+    -------
+    NDArray
+        [m, count].
+
+    Raises
+    ------
+    InputError
+        If ``count`` is not positive, or larger than the smallest training set.
+    """
+    least = distance_db.shape[1] if member is None else int(member.sum(axis=1).min(initial=distance_db.shape[1]))
+    if not 1 <= count <= least:
+        raise InputError(
+            f"{name}={count}",
+            f"it must lie between 1 and the number of training fingerprints, {least}",
+            f"Choose a smaller {name}, or survey more places",
+        )
+    distance = distance_db if member is None else np.where(member, distance_db, np.inf)
+    order: Index = np.argsort(distance, axis=1, kind="stable")[:, :count]
+    return order
+
+
+class FingerprintRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
+    """A scikit-learn regressor from fingerprints to positions: the checks that all of them share.
+
+    See Mirzababaei & Akbari, section 6. An algorithm may as well derive from scikit-learn's classes
+    directly; this base only saves it the checks.
+    """
+
+    def _training(self, rss_dbm: ArrayLike, position_m: ArrayLike, least: int = 1) -> tuple[Array, Array]:
+        """Return a checked survey and remember its number of access points."""
+        rss = np.asarray(rss_dbm, dtype=np.float64)
+        position = np.asarray(position_m, dtype=np.float64)
+        Survey(rss_dbm=rss, position_m=position).check("training survey", least)
+        self.n_features_in_ = rss.shape[1]
+        return rss, position
+
+    def _readings(self, rss_dbm: ArrayLike) -> Array:
+        """Return fingerprints to be located if they fit the survey of the training."""
+        check_is_fitted(self)
+        rss = np.asarray(rss_dbm, dtype=np.float64)
+        if rss.ndim != 2 or rss.shape[1] != self.n_features_in_:
+            raise InputError(
+                f"fingerprints of shape {rss.shape}",
+                f"[m, {self.n_features_in_}] is needed, as in the training survey",
+                "Give one column for each access point of the survey, NaN where it was not heard",
+            )
+        return rss
+
+
+class FillNotHeard(TransformerMixin, BaseEstimator):  # type: ignore[misc]
+    """Replace NaN by a weak reading, for regressors of other libraries.
+
+    See Mirzababaei & Akbari, section 6; the paper does not say how not heard is treated.
+
+    Parameters
+    ----------
+    value_dbm
+        What stands for not heard, dBm; None: one dB below the weakest reading of the fit.
+
+    Attributes
+    ----------
+    value_dbm_
+        The value in use, dBm.
+    """
+
+    # A fit in which nothing was heard has no weakest reading; any number will do then.
+    _NOTHING_HEARD_DBM = -100.0
+
+    def __init__(self, *, value_dbm: float | None = None) -> None:
+        self.value_dbm = value_dbm
+
+    def fit(self, rss_dbm: ArrayLike, position_m: Any = None) -> Self:
+        """Find the value that stands for not heard.
+
+        See Mirzababaei & Akbari, section 6.
+
+        Parameters
+        ----------
+        rss_dbm
+            Received signal strength of the training, [n, ap], dBm; NaN = not heard.
+        position_m
+            Not used.
+        """
+        rss = np.asarray(rss_dbm, dtype=np.float64)
+        heard = rss[~np.isnan(rss)]
+        weakest = heard.min() - 1.0 if heard.size else self._NOTHING_HEARD_DBM
+        self.value_dbm_ = float(weakest if self.value_dbm is None else self.value_dbm)
+        self.n_features_in_ = rss.shape[1]
+        return self
+
+    def transform(self, rss_dbm: ArrayLike) -> Array:
+        """Return the readings without NaN.
+
+        See Mirzababaei & Akbari, section 6.
+
+        Parameters
+        ----------
+        rss_dbm
+            Received signal strength, [m, ap], dBm; NaN = not heard.
+        """
+        check_is_fitted(self)
+        return fill_not_heard(rss_dbm, self.value_dbm_)

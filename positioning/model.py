@@ -1,0 +1,178 @@
+"""What is observed, and what is true: the few types that all rooms of the project share.
+
+Arrays may carry leading axes, written ``...``: a file of many worlds has a world axis in front, one
+world has none. Units stand in the names; ``NaN`` in a received signal strength means *not heard*.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from positioning.errors import InputError
+
+Array = NDArray[np.float64]
+Arrays = Mapping[str, NDArray[np.generic]]
+"""Named arrays as they stand in a file: ``<type>.<field>``, for example ``survey.rss_dbm``."""
+
+
+class Worlds(NamedTuple):
+    """A stack of worlds: what an algorithm may see, and what only the scoring may see.
+
+    Both are flat mappings of names to arrays whose first axis is the world.
+    """
+
+    observed: dict[str, NDArray[np.generic]]
+    truth: dict[str, NDArray[np.generic]]
+
+
+class _Part:
+    """Conversion of a dataclass to and from the named arrays of a file."""
+
+    @classmethod
+    def prefix(cls) -> str:
+        return cls.__name__.lower()
+
+    @classmethod
+    def from_arrays(cls, arrays: Arrays) -> Self | None:
+        """Take this part out of named arrays; None where the file does not hold it."""
+        found = {
+            field.name: arrays[f"{cls.prefix()}.{field.name}"]
+            for field in fields(cls)  # type: ignore[arg-type]
+            if f"{cls.prefix()}.{field.name}" in arrays
+        }
+        return cls(**found) if found else None
+
+    def to_arrays(self) -> dict[str, NDArray[np.generic]]:
+        """Return the fields that are set, named as in a file."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
+        return {f"{self.prefix()}.{name}": v for name, v in values.items() if v is not None}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Site(_Part):
+    """The place: what is known of it before any radio measurement.
+
+    Attributes
+    ----------
+    corner_m
+        Lower left and upper right corner of the area, [..., 2, 2], metres.
+    access_point_m
+        Positions of the access points, [..., ap, 2], metres; None where nobody surveyed them.
+    wall_m
+        End points of the walls, [..., wall, 2, 2], metres, filled up with NaN where worlds have
+        different numbers of walls; None where there is no plan.
+    """
+
+    corner_m: Array
+    access_point_m: Array | None = None
+    wall_m: Array | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Survey(_Part):
+    """Fingerprints taken at known places.
+
+    Attributes
+    ----------
+    rss_dbm
+        Received signal strength, [..., n, ap], dBm; NaN = not heard.
+    position_m
+        Where each fingerprint was taken, [..., n, 2], metres.
+    """
+
+    rss_dbm: Array
+    position_m: Array
+
+    def check(self, name: str = "survey", least: int = 2) -> Survey:
+        """Return this survey if it can be used.
+
+        An access point that is never heard and a fingerprint that hears nothing are allowed: they
+        carry no information, and every algorithm of the project gives a finite answer with them.
+
+        Parameters
+        ----------
+        name
+            The name under which the user knows this survey, for the error.
+        least
+            The smallest number of different positions that the caller can work with.
+
+        Raises
+        ------
+        InputError
+            For arrays that do not fit each other, infinite values, positions that are not
+            numbers, or fewer than ``least`` different positions.
+        """
+        rss, position = np.asarray(self.rss_dbm), np.asarray(self.position_m)
+        if rss.ndim < 2 or position.shape != (*rss.shape[:-1], 2):
+            raise InputError(
+                name,
+                f"rss_dbm {rss.shape} and position_m {position.shape} do not fit [n, ap] and [n, 2]",
+                "Give one row of two coordinates for every fingerprint",
+            )
+        for what, values, bad in (
+            ("rss_dbm", rss, np.isinf(rss)),
+            ("position_m", position, ~np.isfinite(position)),
+        ):
+            if bad.any():
+                where = tuple(int(i) for i in np.argwhere(bad)[0])
+                raise InputError(
+                    f"{name}, {what}{list(where)}",
+                    f"the value {values[where]} is not a finite number",
+                    "Use NaN in rss_dbm for an access point that was not heard, and leave out"
+                    " fingerprints without a position",
+                )
+        for world in position.reshape(-1, *position.shape[-2:]):
+            different = len(np.unique(world, axis=0))
+            if different < least:
+                raise InputError(
+                    name,
+                    f"{different} different position(s), at least {least} are needed",
+                    "Survey more places",
+                )
+        return self
+
+
+@dataclass(frozen=True, kw_only=True)
+class Query(_Part):
+    """Fingerprints whose place is asked for, where they are not those of the survey itself.
+
+    Attributes
+    ----------
+    rss_dbm
+        Received signal strength, [..., m, ap], dBm; NaN = not heard.
+    """
+
+    rss_dbm: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Truth(_Part):
+    """What only the scoring, and the controls, may see.
+
+    Attributes
+    ----------
+    position_m
+        True position of each fingerprint that is located, [..., n, 2], metres.
+    field_dbm
+        True mean received signal strength at those positions, [..., n, ap], dBm, before
+        fading, rounding and the detection floor; None for real recordings.
+    noise_db
+        Standard deviation of the fading of a scan about ``field_dbm``, [...], dB.
+    floor_dbm
+        Detection floor, [...], dBm: a rounded reading below it is not heard.
+    """
+
+    position_m: Array
+    field_dbm: Array | None = None
+    noise_db: Array | None = None
+    floor_dbm: Array | None = None
+
+
+def world(arrays: Arrays, index: int) -> dict[str, NDArray[np.generic]]:
+    """Return one world out of stacked named arrays."""
+    return {name: values[index] for name, values in arrays.items()}

@@ -1,0 +1,96 @@
+"""From a configuration line to an algorithm: one file an algorithm, or any scikit-learn regressor."""
+
+import importlib
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from positioning.errors import InputError
+
+Factory = Callable[..., Any]
+"""Makes a fresh algorithm; keyword arguments that its constructor does not know are left out."""
+
+
+def class_name(algorithm: str) -> str:
+    """Return the class that ``algorithms/<task>/<algorithm>.py`` defines: the name in CamelCase."""
+    return "".join(part.capitalize() for part in algorithm.split("_"))
+
+
+def factory(use: str, task: str, parameters: Mapping[str, Any]) -> Factory:
+    """Return a maker of the algorithm that a configuration line names.
+
+    Parameters
+    ----------
+    use
+        The name of a file of ``algorithms/<task>/``, or the dotted name of a library's class.
+    task
+        The folder; for a dotted name the task that it is used for.
+    parameters
+        The line's settings, passed on to the constructor.
+
+    Raises
+    ------
+    InputError
+        For a class that does not exist, has no ``predict``, or does not take a parameter.
+    """
+    if "." in use:
+        cls = _library_class(use)
+    else:
+        module = importlib.import_module(f"algorithms.{task}.{use}")
+        cls = getattr(module, class_name(use), None)
+        if cls is None:
+            raise InputError(
+                f"algorithms/{task}/{use}.py",
+                f"it defines no class {class_name(use)}",
+                "Name the class like the file, in CamelCase",
+            )
+    known = inspect.signature(cls).parameters
+    for name in parameters:
+        if name not in known:
+            raise InputError(
+                f"algorithm {use}, parameter {name}",
+                f"its constructor takes {', '.join(known) or 'no parameters'}",
+                "Correct the line in config/config.yaml",
+            )
+
+    def make(**context: Any) -> Any:
+        algorithm = cls(**{**{k: v for k, v in context.items() if k in known}, **parameters})
+        return _with_inputs_prepared(algorithm) if "." in use else algorithm
+
+    make.algorithm_class = cls  # type: ignore[attr-defined]
+    return make
+
+
+def _library_class(use: str) -> Any:
+    module_name, _, name = use.rpartition(".")
+    try:
+        cls = getattr(importlib.import_module(module_name), name)
+    except (ImportError, AttributeError) as error:
+        raise InputError(
+            f"algorithm {use}",
+            f"it cannot be imported ({error})",
+            "Check the dotted name, and that the library is installed",
+        ) from error
+    if not (inspect.isclass(cls) and hasattr(cls, "fit") and hasattr(cls, "predict")):
+        raise InputError(
+            f"algorithm {use}",
+            "it is no regressor: a class with fit and predict is needed",
+            "Name a scikit-learn regressor's class",
+        )
+    return cls
+
+
+def _with_inputs_prepared(regressor: Any) -> Any:
+    """Put a library's regressor behind what it expects: no NaN, like scales, one target if need be."""
+    from sklearn.compose import TransformedTargetRegressor
+    from sklearn.multioutput import MultiOutputRegressor
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+    from sklearn.utils import get_tags
+
+    from positioning.fingerprints import FillNotHeard
+
+    if not get_tags(regressor).target_tags.multi_output:
+        regressor = MultiOutputRegressor(regressor)
+    scaled = TransformedTargetRegressor(regressor, transformer=StandardScaler(), check_inverse=False)
+    return make_pipeline(FillNotHeard(), StandardScaler(), scaled)

@@ -1,0 +1,34 @@
+"""What an algorithm of each task is given, what it returns, and how that is scored.
+
+One module a task, named like its folder in ``algorithms/``, with two functions:
+
+``run(make, observed, truth, options, generators) -> Outcome``
+    Runs one algorithm on a stack of worlds. ``truth`` is None for all but controls.
+``score(estimates, truth) -> columns``
+    Joins estimates of a stack of worlds with the truth; each column has the shape [world, sample],
+    one of them is ``error_m``. NaN in ``error_m`` means: no estimate was asked for here.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What one algorithm made of a stack of worlds.
+
+    Attributes
+    ----------
+    estimates
+        Named arrays with a world axis in front; empty where it was skipped.
+    seconds
+        Time spent in the algorithm, [world].
+    skipped
+        Why it did not run; empty where it did.
+    """
+
+    estimates: dict[str, NDArray[np.generic]] = field(default_factory=dict)
+    seconds: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    skipped: str = ""

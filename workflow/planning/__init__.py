@@ -1,0 +1,1 @@
+"""Turns the configuration into the plan of the workflow; imported by the Snakefile, light to load."""

@@ -1,0 +1,315 @@
+"""Checks the configuration and resolves it into studies, batches of worlds and entries of tables."""
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+
+from planning.code import constructor_parameters
+from positioning.errors import InputError
+from positioning.files import read_yaml
+from positioning.registry import class_name
+
+SCHEMAS = Path("workflow/schemas")
+PAPERS = Path("data/papers")
+OPTIONS = ("use", "task", "protocol", "over", "worlds")
+LIBRARY_TASK = "fingerprinting"
+CONTEXT = ("site", "truth", "random_state")
+"""Constructor parameters that the workflow fills in; a line may set ``random_state`` itself."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A row of a table, or the curve of a sweep: one algorithm with its settings."""
+
+    name: str
+    use: str
+    task: str
+    parameters: dict[str, Any]
+    options: dict[str, Any]
+    over: tuple[str, tuple[float, ...]] | None = None
+    worlds: int | None = None
+
+    @property
+    def source(self) -> str | None:
+        """The algorithm's file, None for a library's class."""
+        return None if "." in self.use else f"algorithms/{self.task}/{self.use}.py"
+
+    @property
+    def is_control(self) -> bool:
+        """Whether it may see the truth."""
+        return self.use.startswith("control_")
+
+    def settings(self) -> dict[str, Any]:
+        """Everything that its results depend on, as a job's parameter."""
+        return {
+            "name": self.name,
+            "use": self.use,
+            "task": self.task,
+            "parameters": self.parameters,
+            "options": self.options,
+            "over": None if self.over is None else [self.over[0], list(self.over[1])],
+            "worlds": self.worlds,
+        }
+
+
+@dataclass(frozen=True)
+class Study:
+    """One study: worlds made or recorded, the algorithms that run on them, the paper behind it."""
+
+    name: str
+    title: str
+    paper: str
+    batch: int
+    entries: dict[str, Entry]
+    sweeps: dict[str, Entry]
+    reference: str
+    worlds: int = 0
+    first_seed: int = 0
+    families: dict[str, dict[str, Any]] = field(default_factory=dict)
+    calibrate: list[dict[str, Any]] = field(default_factory=list)
+    recordings: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    @property
+    def kind(self) -> str:
+        """Where the worlds come from, which is also the name of their folder in ``data/``."""
+        return "recorded" if self.recordings else "synthetic"
+
+    @property
+    def rows(self) -> dict[str, Entry]:
+        """All entries: those of the table, then those of the sweeps."""
+        return {**self.entries, **self.sweeps}
+
+    def calibration_steps(self, claims: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+        """Return the calibrations with the printed number that each hits, in the order of the file."""
+        printed = {claim["id"]: claim.get("printed") for claim in claims}
+        return [
+            {
+                **{key: step[key] for key in ("setting", "between", "metric", "claim")},
+                "row": self.entries[step["algorithm"]].settings(),
+                "printed": printed[step["claim"]],
+                "seeds": [step["first_seed"] + i for i in range(step["worlds"])],
+            }
+            for step in self.calibrate
+        ]
+
+    def batches(self, entry: str | None = None) -> list[str]:
+        """Return the batches, named by their first world; a sweep over fewer worlds needs fewer."""
+        total = len(self.recordings) or self.worlds
+        if entry is not None and self.rows[entry].worlds is not None and not self.recordings:
+            total = min(total, self.rows[entry].worlds or total)
+        return [f"{first:05d}" for first in range(0, total, self.batch)]
+
+    def describe(self) -> dict[str, Any]:
+        """Return the plan as the study's page tells it."""
+        return {
+            "title": self.title,
+            "entries": {name: row.settings() for name, row in self.entries.items()},
+            "sweeps": {name: row.settings() for name, row in self.sweeps.items()},
+            "families": self.families,
+            "recordings": self.recordings,
+            "worlds": self.worlds,
+            "first_seed": self.first_seed,
+            "reference": self.reference,
+        }
+
+    def members(self, batch: str) -> dict[str, Any]:
+        """Return what a batch holds: seeds of worlds by family, or recordings with their options."""
+        first = int(batch)
+        if self.recordings:
+            names = list(self.recordings)[first : first + self.batch]
+            return {name: self.recordings[name] for name in names}
+        indices = list(range(first, min(first + self.batch, self.worlds)))
+        return {"worlds": indices, "seeds": [self.first_seed + i for i in indices], "families": self.families}
+
+
+def resolve(config: Mapping[str, Any], root: Path = Path()) -> dict[str, Study]:
+    """Check a configuration and return its studies.
+
+    Parameters
+    ----------
+    config
+        The configuration as read from ``config/config.yaml`` and overlays.
+    root
+        The project's folder.
+
+    Raises
+    ------
+    InputError
+        For the first thing that is wrong, before any job starts.
+    """
+    check_schema(config, root / SCHEMAS / "config.schema.yaml", "config")
+    papers = sorted(path.stem for path in (root / PAPERS).glob("*.yaml"))
+    studies = {}
+    for name, values in config["studies"].items():
+        key = f"studies.{name}"
+        _known(values["paper"], papers, f"{key}.paper", "paper of data/papers/")
+        paper = read_yaml(root / PAPERS / f"{values['paper']}.yaml")
+        check_schema(paper, root / SCHEMAS / "paper.schema.yaml", f"data/papers/{values['paper']}.yaml")
+        entries = _entries(values["algorithms"], f"{key}.algorithms", root)
+        sweeps = _entries(values.get("sweeps", {}), f"{key}.sweeps", root)
+        for twice in entries.keys() & sweeps.keys():
+            raise InputError(f"{key}.sweeps.{twice}", "a row of the table has this name", "Rename the sweep")
+        reference = values.get("reference", next(iter(entries)))
+        _known(reference, entries, f"{key}.reference", "row of algorithms")
+        study = Study(
+            name=name,
+            title=values.get("title", name),
+            paper=values["paper"],
+            batch=values["batch"],
+            entries=entries,
+            sweeps=sweeps,
+            reference=reference,
+            worlds=values.get("worlds", 0),
+            first_seed=values.get("first_seed", 0),
+            recordings={k: v for k, v in values.get("recordings", {}).items() if v is not None},
+            calibrate=values.get("calibrate", []),
+            families={} if "recordings" in values else _families(values, paper, name),
+        )
+        if "recordings" not in values:
+            _check_synthetic(study, paper, root)
+        studies[name] = study
+    return studies
+
+
+def check_schema(value: Any, schema: Path, name: str) -> None:
+    """Check a value against a JSON schema.
+
+    Raises
+    ------
+    InputError
+        Naming the key, the value and what is allowed there.
+    """
+    validator = jsonschema.Draft202012Validator(read_yaml(schema))
+    error = jsonschema.exceptions.best_match(validator.iter_errors(value))
+    if error is None:
+        return
+    key = ".".join([name, *(str(part) for part in error.absolute_path)])
+    if error.validator == "additionalProperties":
+        allowed = sorted(error.schema.get("properties", {}))
+        unknown = sorted(set(error.instance) - set(allowed))[0]
+        raise InputError(
+            f"{key}.{unknown}", f"the key is unknown; allowed are {', '.join(allowed)}", _nearest(unknown, allowed)
+        )
+    if error.validator == "required":
+        missing = [name for name in error.validator_value if name not in error.instance]
+        raise InputError(key, f"the key {missing[0]} is missing", "Add it; config/README.md tells its meaning")
+    if error.validator == "oneOf":
+        raise InputError(
+            key,
+            "a study has either worlds and first_seed, or recordings without worlds, world, families, calibrate",
+            "Keep one kind; config/README.md shows both",
+        )
+    rules = {
+        "minimum": "at least {}",
+        "maximum": "at most {}",
+        "type": "of type {}",
+        "enum": "one of {}",
+        "pattern": "a name like {}",
+        "minProperties": "at least {} entry",
+        "minItems": "at least {} values",
+        "maxItems": "at most {} values",
+        "maxProperties": "at most {} entry",
+    }
+    allowed_values = rules.get(error.validator, error.validator + " {}").format(error.validator_value)
+    raise InputError(key, f"the value {error.instance!r} is not allowed; it must be {allowed_values}", "Correct it")
+
+
+def algorithm_files(root: Path = Path()) -> dict[str, list[str]]:
+    """Return the names of the algorithms with the tasks in whose folders they stand."""
+    found: dict[str, list[str]] = {}
+    for path in sorted((root / "algorithms").glob("*/*.py")):
+        if path.stem not in ("__init__", "template"):
+            found.setdefault(path.stem, []).append(path.parent.name)
+    return found
+
+
+def _entries(values: Mapping[str, Any], key: str, root: Path) -> dict[str, Entry]:
+    files = algorithm_files(root)
+    entries = {}
+    for name, line in values.items():
+        line = dict(line or {})
+        use = line.get("use", name)
+        if "." in use:
+            task = line.get("task", LIBRARY_TASK)
+        else:
+            _known(use, files, f"{key}.{name}", "algorithm")
+            task = line.get("task", files[use][0])
+            _known(task, files[use], f"{key}.{name}.task", f"task of {use}")
+            if len(files[use]) > 1 and "task" not in line:
+                raise InputError(
+                    f"{key}.{name}", f"{use} exists for the tasks {', '.join(files[use])}", "Add task: to the line"
+                )
+        over = line.get("over")
+        entry = Entry(
+            name=name,
+            use=use,
+            task=task,
+            parameters={k: v for k, v in line.items() if k not in OPTIONS},
+            options={k: line[k] for k in ("protocol",) if k in line},
+            over=None if over is None else next((k, tuple(v)) for k, v in over.items()),
+            worlds=line.get("worlds"),
+        )
+        if entry.source is not None:
+            known = constructor_parameters(str(root / entry.source), class_name(use))
+            for parameter in (*entry.parameters, *([entry.over[0]] if entry.over else [])):
+                if known is not None:
+                    _known(
+                        parameter,
+                        [k for k in known if k not in CONTEXT or k == "random_state"],
+                        f"{key}.{name}.{parameter}",
+                        f"parameter of {use}",
+                    )
+        entries[name] = entry
+    return entries
+
+
+def _families(values: Mapping[str, Any], paper: Mapping[str, Any], study: str) -> dict[str, dict[str, Any]]:
+    """Settings of every world family: the paper's, over these the study's, over these the family's."""
+    reported = {name: setting["value"] for name, setting in paper["settings"].get(study, {}).items()}
+    shared = values.get("world", {})
+    families = values.get("families") or {"worlds": {}}
+    for where, names in (("world", shared), *((f"families.{f}", v or {}) for f, v in families.items())):
+        for name in names:
+            _known(name, reported, f"studies.{study}.{where}.{name}", f"setting of data/papers/{values['paper']}.yaml")
+    return {family: {**reported, **shared, **(own or {})} for family, own in families.items()}
+
+
+def _check_synthetic(study: Study, paper: Mapping[str, Any], root: Path) -> None:
+    key = f"studies.{study.name}"
+    simulation = Path("positioning/simulation") / f"{study.name}.py"
+    if not (root / simulation).is_file():
+        raise InputError(key, f"there is no {simulation}", "Add the module that simulates this study's worlds")
+    claims = {claim["id"]: claim for claim in paper["claims"]}
+    ranges = [(f"{key}.worlds", study.first_seed, study.worlds)]
+    for number, calibration in enumerate(study.calibrate):
+        where = f"{key}.calibrate[{number}]"
+        _known(calibration["algorithm"], study.entries, f"{where}.algorithm", "row of algorithms")
+        _known(calibration["claim"], claims, f"{where}.claim", "claim of the paper")
+        _known(calibration["setting"], next(iter(study.families.values())), f"{where}.setting", "setting")
+        ranges.append((where, calibration["first_seed"], calibration["worlds"]))
+    for i, (name, first, count) in enumerate(ranges):
+        for other, other_first, other_count in ranges[i + 1 :]:
+            if first < other_first + other_count and other_first < first + count:
+                raise InputError(
+                    other,
+                    f"its seeds {other_first} to {other_first + other_count - 1} overlap with those of {name},"
+                    f" {first} to {first + count - 1}",
+                    "Choose a first_seed outside: worlds that calibrate must not be worlds that judge",
+                )
+
+
+def _known(value: str, allowed: Iterable[str], key: str, what: str) -> None:
+    allowed = list(allowed)
+    if value not in allowed:
+        raise InputError(
+            key, f"there is no {what} named {value!r}; known are {', '.join(allowed)}", _nearest(value, allowed)
+        )
+
+
+def _nearest(value: str, allowed: Iterable[str]) -> str:
+    near = difflib.get_close_matches(value, list(allowed), n=1, cutoff=0.5)
+    return f"Did you mean {near[0]!r}?".rstrip("?") if near else "Use one of these"

@@ -1,0 +1,80 @@
+# Helper functions of the rules: the plan of the configuration, and which code a job depends on.
+import re
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(workflow.basedir) / "workflow"))
+
+from planning.code import code_of
+from planning.config import resolve
+from planning.recordings import drop_absent, files_of
+from positioning.errors import InputError
+from positioning.files import read_yaml
+from snakemake.exceptions import WorkflowError
+
+try:
+    STUDIES = drop_absent(resolve(config), Path(config["folders"]["realdata"]))
+except InputError as error:
+    raise WorkflowError(str(error)) from None
+
+DATA, RESULTS, REPORTS, REALDATA = (
+    config["folders"][folder] for folder in ("data", "results", "reports", "realdata")
+)
+ENVIRONMENT = "../envs/reposition.yaml"
+TEMPLATES = sorted(str(path) for path in Path("positioning/presentation/templates").iterdir())
+QUICK = bool(config.get("quick"))
+
+
+def one_of(names):
+    return "|".join(sorted({re.escape(name) for name in names})) or "(?!)"
+
+
+def code(*sources):
+    """Existing source files and all local modules that they import, as a job's input."""
+    return code_of(*(source for source in sources if Path(source).is_file()))
+
+
+def extra_measures(study):
+    """What a study's own measures need beside the errors: their code and the worlds; often nothing."""
+    source = f"positioning/evaluation/studies/{study}.py"
+    if not Path(source).is_file():
+        return []
+    kind, batches = STUDIES[study].kind, STUDIES[study].batches()
+    sides = [f"{DATA}/{kind}/{study}/{b}/{side}.npz" for b in batches for side in ("observed", "truth")]
+    return [*code(source), *sides]
+
+
+def study_of(wildcards):
+    return STUDIES[wildcards.study]
+
+
+def row_of(wildcards):
+    return STUDIES[wildcards.study].rows[wildcards.row]
+
+
+def worlds_file(name):
+    """The observed or the true side of a batch, made or recorded."""
+    return lambda w: f"{DATA}/{study_of(w).kind}/{w.study}/{w.batch}/{name}.npz"
+
+
+def of_all_rows(pattern):
+    """A file of every row and batch of a study."""
+    return lambda w: [
+        pattern.format(study=w.study, row=row, batch=batch)
+        for row in study_of(w).rows
+        for batch in study_of(w).batches(row)
+    ]
+
+
+def study_outputs(study):
+    return [
+        f"{RESULTS}/tables/{study}.csv",
+        f"{RESULTS}/claims/{study}.csv",
+        f"{RESULTS}/figures/{study}",
+        f"{REPORTS}/{study}.html",
+    ]
+
+
+def claims_of(study):
+    paper = read_yaml(Path("data/papers") / f"{STUDIES[study].paper}.yaml")
+    return [claim for claim in paper["claims"] if claim["study"] == study]

@@ -1,0 +1,85 @@
+# From raw errors to tables, claims and figures of a study, and to the ledger of all claims.
+
+
+rule compare:
+    input:
+        errors=of_all_rows(f"{RESULTS}/errors/{{study}}/{{row}}/{{batch}}.parquet"),
+        estimates=of_all_rows(f"{RESULTS}/estimates/{{study}}/{{row}}/{{batch}}.npz"),
+        paper=lambda w: f"data/papers/{study_of(w).paper}.yaml",
+        extra=lambda w: extra_measures(w.study),
+        code=code("workflow/scripts/compare.py"),
+    output:
+        table=f"{RESULTS}/tables/{{study}}.csv",
+        paired=f"{RESULTS}/tables/{{study}}_paired.csv",
+        times=f"{RESULTS}/tables/{{study}}_times.csv",
+        measures=f"{RESULTS}/measures/{{study}}.parquet",
+    params:
+        rows=lambda w: {name: row.settings() for name, row in study_of(w).rows.items()},
+        table=lambda w: list(study_of(w).entries),
+        reference=lambda w: study_of(w).reference,
+    conda:
+        ENVIRONMENT
+    log:
+        f"{RESULTS}/logs/compare/{{study}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/compare/{{study}}.tsv"
+    message:
+        "{wildcards.study}: compare all algorithms"
+    script:
+        "../scripts/compare.py"
+
+
+rule claims:
+    input:
+        measures=f"{RESULTS}/measures/{{study}}.parquet",
+        times=f"{RESULTS}/tables/{{study}}_times.csv",
+        calibration=lambda w: f"{RESULTS}/calibration/{w.study}.json" if study_of(w).calibrate else [],
+        paper=lambda w: f"data/papers/{study_of(w).paper}.yaml",
+        code=code("workflow/scripts/claims.py"),
+    output:
+        f"{RESULTS}/claims/{{study}}.csv",
+    params:
+        paper=lambda w: study_of(w).paper,
+    conda:
+        ENVIRONMENT
+    log:
+        f"{RESULTS}/logs/claims/{{study}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/claims/{{study}}.tsv"
+    message:
+        "{wildcards.study}: judge the paper's claims"
+    script:
+        "../scripts/claims.py"
+
+
+rule figures:
+    input:
+        measures=f"{RESULTS}/measures/{{study}}.parquet",
+        errors=of_all_rows(f"{RESULTS}/errors/{{study}}/{{row}}/{{batch}}.parquet"),
+        worlds=lambda w: [
+            f"{DATA}/{study_of(w).kind}/{w.study}/{study_of(w).batches()[0]}/{side}.npz"
+            for side in ("observed", "truth")
+        ],
+        paper=lambda w: f"data/papers/{study_of(w).paper}.yaml",
+        code=lambda w: code(f"positioning/presentation/studies/{w.study}.py", "workflow/scripts/figures.py"),
+    output:
+        report(
+            directory(f"{RESULTS}/figures/{{study}}"),
+            patterns=["{figure}.svg"],
+            caption="../report/figure.rst",
+            category="{study}",
+            labels={"figure": "{figure}"},
+        ),
+    params:
+        rows=lambda w: list(study_of(w).entries),
+        sweeps=lambda w: {name: row.settings()["over"] for name, row in study_of(w).sweeps.items()},
+    conda:
+        ENVIRONMENT
+    log:
+        f"{RESULTS}/logs/figures/{{study}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/figures/{{study}}.tsv"
+    message:
+        "{wildcards.study}: draw the figures"
+    script:
+        "../scripts/figures.py"

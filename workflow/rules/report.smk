@@ -1,0 +1,102 @@
+# For people: one page a study, the front page, the ledger of claims, and what the numbers came from.
+
+
+rule ledger:
+    input:
+        claims=expand(f"{RESULTS}/claims/{{study}}.csv", study=STUDIES),
+        accepted=[path for path in ["tests/golden/claims.csv"] if Path(path).is_file()],
+        code=code("workflow/scripts/ledger.py"),
+    output:
+        claims=f"{RESULTS}/claims.csv",
+        check=f"{RESULTS}/ledger.txt",
+    params:
+        quick=QUICK,
+    conda:
+        ENVIRONMENT
+    log:
+        f"{RESULTS}/logs/ledger.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/ledger/ledger.tsv"
+    message:
+        "compare all verdicts with the accepted ledger"
+    script:
+        "../scripts/ledger.py"
+
+
+rule manifest:
+    input:
+        tables=expand(f"{RESULTS}/tables/{{study}}.csv", study=STUDIES),
+        code=code("workflow/scripts/manifest.py"),
+    output:
+        f"{RESULTS}/manifest.json",
+    params:
+        config=config,
+        benchmarks=f"{RESULTS}/benchmarks",
+    conda:
+        ENVIRONMENT
+    log:
+        f"{RESULTS}/logs/manifest.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/manifest/manifest.tsv"
+    message:
+        "write down what the numbers came from"
+    script:
+        "../scripts/manifest.py"
+
+
+rule page:
+    input:
+        table=f"{RESULTS}/tables/{{study}}.csv",
+        paired=f"{RESULTS}/tables/{{study}}_paired.csv",
+        times=f"{RESULTS}/tables/{{study}}_times.csv",
+        claims=f"{RESULTS}/claims/{{study}}.csv",
+        figures=f"{RESULTS}/figures/{{study}}",
+        paper=lambda w: f"data/papers/{study_of(w).paper}.yaml",
+        calibration=lambda w: f"{RESULTS}/calibration/{w.study}.json" if study_of(w).calibrate else [],
+        manifest=f"{RESULTS}/manifest.json",
+        templates=TEMPLATES,
+        code=code("workflow/scripts/page.py"),
+    output:
+        html=f"{REPORTS}/{{study}}.html",
+        markdown=f"{RESULTS}/tables/{{study}}.md",
+        latex=f"{RESULTS}/tables/{{study}}.tex",
+    params:
+        plan=lambda w: study_of(w).describe() | {"quick": QUICK},
+    conda:
+        ENVIRONMENT
+    log:
+        f"{RESULTS}/logs/page/{{study}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/page/{{study}}.tsv"
+    message:
+        "{wildcards.study}: write its page"
+    script:
+        "../scripts/page.py"
+
+
+rule index:
+    input:
+        claims=f"{RESULTS}/claims.csv",
+        tables=expand(f"{RESULTS}/tables/{{study}}.csv", study=STUDIES),
+        figures=expand(f"{RESULTS}/figures/{{study}}", study=STUDIES),
+        pages=expand(f"{REPORTS}/{{study}}.html", study=STUDIES),
+        manifest=f"{RESULTS}/manifest.json",
+        templates=TEMPLATES,
+        code=code("workflow/scripts/index.py"),
+    output:
+        html=f"{REPORTS}/index.html",
+        claims=f"{REPORTS}/claims.csv",
+        markdown=f"{REPORTS}/claims.md",
+        summary=f"{REPORTS}/summary.md",
+    params:
+        plan={name: study.describe() | {"quick": QUICK} for name, study in STUDIES.items()},
+    conda:
+        ENVIRONMENT
+    log:
+        f"{RESULTS}/logs/index.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/index/index.tsv"
+    message:
+        "write the front page"
+    script:
+        "../scripts/index.py"

@@ -1,0 +1,27 @@
+# One job: one algorithm on one batch of worlds. It sees what was observed; only a control sees the truth.
+
+
+rule run:
+    input:
+        observed=worlds_file("observed"),
+        truth=lambda w: worlds_file("truth")(w) if row_of(w).is_control else [],
+        code=lambda w: code(
+            row_of(w).source or "",
+            f"positioning/tasks/{row_of(w).task}.py",
+            "workflow/scripts/run.py",
+        ),
+    output:
+        f"{RESULTS}/estimates/{{study}}/{{row}}/{{batch}}.npz",
+    params:
+        row=lambda w: row_of(w).settings(),
+        first_seed=lambda w: study_of(w).first_seed,
+    conda:
+        ENVIRONMENT
+    log:
+        f"{RESULTS}/logs/run/{{study}}/{{row}}/{{batch}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/run/{{study}}/{{row}}/{{batch}}.tsv"
+    message:
+        "{wildcards.study}: run {wildcards.row} on worlds from {wildcards.batch}"
+    script:
+        "../scripts/run.py"

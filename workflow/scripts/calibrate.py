@@ -1,0 +1,82 @@
+"""Find the one free setting at which a baseline has its printed number, on worlds of its own."""
+
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from positioning.errors import InputError
+from positioning.evaluation.metrics import figures_of_merit
+from positioning.files import write_json
+from positioning.registry import factory
+from positioning.seeds import stream
+
+TOLERANCE = 1e-3
+
+
+def main(
+    study: str, families: Mapping[str, Mapping[str, Any]], steps: Sequence[Mapping[str, Any]], output: str
+) -> None:
+    """Calibrate one setting after the other, each with those before it, in the first family of worlds.
+
+    Every trial draws the same random numbers, so the metric is a smooth function of the setting.
+
+    Raises
+    ------
+    InputError
+        Where the printed number lies outside what the setting's range gives.
+    """
+    simulate = import_module(f"positioning.simulation.{study}").simulate
+    found: list[dict[str, Any]] = []
+    for step in steps:
+        row, seeds, target = step["row"], step["seeds"], float(step["printed"])
+        task = import_module(f"positioning.tasks.{row['task']}")
+        make = factory(row["use"], row["task"], row["parameters"])
+        trials: dict[float, float] = {}
+
+        def metric(value: float) -> float:
+            settings = {**next(iter(families.values())), **{f["setting"]: f["value"] for f in found}}
+            worlds = simulate({**settings, step["setting"]: value}, [stream(seed, study) for seed in seeds])
+            generators = [stream(seed, study, row["use"]) for seed in seeds]
+            outcome = task.run(make, worlds.observed, None, row["options"], generators)
+            errors = task.score(outcome.estimates, worlds.truth)["error_m"]
+            trials[value] = float(np.mean(figures_of_merit(errors)[step["metric"]]))
+            return trials[value]
+
+        low, high = (float(end) for end in step["between"])
+        if not min(metric(low), metric(high)) <= target <= max(trials.values()):
+            raise InputError(
+                f"{study}, calibration of {step['setting']}",
+                f"{step['metric']} of {row['name']} is {trials[low]:.3f} at {low} and {trials[high]:.3f} at {high},"
+                f" the printed {step['printed']} is not between them",
+                "Widen `between` in config/config.yaml",
+            )
+        value = round(float(brentq(lambda x: metric(x) - target, low, high, xtol=TOLERANCE)), 3)
+        found.append(
+            {
+                "setting": step["setting"],
+                "value": value,
+                "row": row["name"],
+                "metric": step["metric"],
+                "claim": step["claim"],
+                "printed": step["printed"],
+                "reached": round(metric(value), 4),
+                "worlds": len(seeds),
+                "first_seed": seeds[0],
+                "settings_tried": len(trials),
+            }
+        )
+    write_json(output, found)
+
+
+if __name__ == "__main__":
+    from snakemake.script import snakemake
+
+    main(
+        snakemake.wildcards.study,
+        snakemake.params.families,
+        snakemake.params.steps,
+        snakemake.output[0],
+    )

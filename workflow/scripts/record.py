@@ -1,0 +1,40 @@
+"""Read real recordings into the same two files as synthetic worlds: observed and truth."""
+
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from positioning.files import write_tree
+from positioning.recordings.register import check_files
+
+
+def main(members: Mapping[str, Mapping[str, Any]], realdata: str, observed: str, truth: str) -> None:
+    """Check each source's files against the register, then let its adapter read them.
+
+    A recording is a family of one world. Its number is 0 and its seed too: nothing in it is drawn.
+    """
+    sides: dict[str, dict[str, Any]] = {"observed": {}, "truth": {}}
+    for family, options in members.items():
+        folder = Path(realdata) / options["source"]
+        check_files(folder, options["source"])
+        adapter = import_module(f"positioning.recordings.{options['adapter']}")
+        worlds = adapter.load(folder, **{k: v for k, v in options.items() if k not in ("adapter", "source")})
+        index = {"world": np.zeros(1, dtype=int), "seed": np.zeros(1, dtype=int)}
+        sides["observed"][family] = {**index, **worlds.observed}
+        sides["truth"][family] = {**index, **worlds.truth}
+    write_tree(observed, sides["observed"])
+    write_tree(truth, sides["truth"])
+
+
+if __name__ == "__main__":
+    from snakemake.script import snakemake
+
+    main(
+        snakemake.params.members,
+        snakemake.params.realdata,
+        snakemake.output.observed,
+        snakemake.output.truth,
+    )

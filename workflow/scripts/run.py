@@ -1,0 +1,67 @@
+"""Run one algorithm, with one or several settings, on a batch of worlds."""
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from positioning.files import read_tree, write_tree
+from positioning.registry import factory
+from positioning.seeds import stream
+
+
+def main(study: str, row: Mapping[str, Any], observed: str, truth: str | None, output: str) -> None:
+    """Write ``<family>/<step>/<name>`` for every family of worlds and every step of a sweep.
+
+    Raises
+    ------
+    RuntimeError
+        Where the algorithm raises: names the study, the worlds and the settings.
+    """
+    run = import_module(f"positioning.tasks.{row['task']}").run
+    setting, steps = row["over"] or (None, [None])
+    stacks = read_tree(observed)
+    truths = read_tree(truth) if truth else {}
+    tree: dict[str, dict[str, Any]] = {}
+    for family, arrays in stacks.items():
+        count = np.count_nonzero(arrays["world"] < (row["worlds"] or np.inf))
+        arrays = {name: values[:count] for name, values in arrays.items()}
+        seen = {name: values[:count] for name, values in truths[family].items()} if truth else None
+        seeds = [int(seed) for seed in arrays["seed"]]
+        for number, step in enumerate(steps):
+            parameters = dict(row["parameters"]) if setting is None else {**row["parameters"], setting: step}
+            try:
+                # The stream hangs on the algorithm's own name, so that variants of it draw alike.
+                outcome = run(
+                    factory(row["use"], row["task"], parameters),
+                    arrays,
+                    seen,
+                    row["options"],
+                    [stream(seed, study, row["use"]) for seed in seeds],
+                )
+            except Exception as error:
+                raise RuntimeError(
+                    f"study {study}, row {row['name']} ({row['use']} with {parameters or 'its defaults'}),"
+                    f" {family} worlds {arrays['world'].tolist()} (seeds {seeds}): {type(error).__name__}: {error}"
+                ) from error
+            tree[f"{family}/{number}"] = {
+                "world": arrays["world"],
+                "value": np.asarray(np.nan if step is None else step, dtype=float),
+                "seconds": outcome.seconds,
+                "skipped": np.asarray(outcome.skipped),
+                **{f"estimate.{name}": values for name, values in outcome.estimates.items()},
+            }
+    write_tree(output, tree)
+
+
+if __name__ == "__main__":
+    from snakemake.script import snakemake
+
+    main(
+        snakemake.wildcards.study,
+        snakemake.params.row,
+        snakemake.input.observed,
+        snakemake.input.get("truth"),
+        snakemake.output[0],
+    )

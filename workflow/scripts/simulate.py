@@ -1,0 +1,38 @@
+"""Make a batch of synthetic worlds: the observed side and the true side, in files of their own."""
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from positioning.files import read_json, write_tree
+from positioning.seeds import stream
+
+
+def main(
+    study: str, members: Mapping[str, Any], calibration: str | None, observed: str, truth: str
+) -> None:
+    """Simulate every family on the same seeds, so that families are paired too."""
+    simulate = import_module(f"positioning.simulation.{study}").simulate
+    calibrated = {step["setting"]: step["value"] for step in read_json(calibration)} if calibration else {}
+    sides: dict[str, dict[str, Any]] = {"observed": {}, "truth": {}}
+    for family, settings in members["families"].items():
+        worlds = simulate({**settings, **calibrated}, [stream(seed, study) for seed in members["seeds"]])
+        index = {"world": np.asarray(members["worlds"]), "seed": np.asarray(members["seeds"])}
+        sides["observed"][family] = {**index, **worlds.observed}
+        sides["truth"][family] = {**index, **worlds.truth}
+    write_tree(observed, sides["observed"])
+    write_tree(truth, sides["truth"])
+
+
+if __name__ == "__main__":
+    from snakemake.script import snakemake
+
+    main(
+        snakemake.wildcards.study,
+        snakemake.params.members,
+        snakemake.input.get("calibration"),
+        snakemake.output.observed,
+        snakemake.output.truth,
+    )
