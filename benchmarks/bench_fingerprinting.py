@@ -42,10 +42,12 @@ def world() -> tuple[Survey, Site, Truth]:
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
-def bench_leave_one_out(benchmark: Any, name: str) -> None:
+def test_leave_one_out(benchmark: Any, name: str) -> None:
     """Locate every point of the world with the others."""
     survey, site, truth = world()
     make = factory(name, "fingerprinting", {})
     benchmark.pedantic(
-        lambda: leave_one_out(make(site=site, truth=truth, random_state=1), survey, None), rounds=3, warmup_rounds=1
+        lambda: leave_one_out(make(site=site, truth=truth, random_state=1), survey, None),
+        rounds=3,
+        warmup_rounds=1,
     )

@@ -32,7 +32,9 @@ def training_members(position_m: ArrayLike) -> Mask:
         [n, n], row = fold, True where the column may train.
     """
     position = np.asarray(position_m, dtype=np.float64)
-    members: Mask = (position[:, None, 0] != position[None, :, 0]) | (position[:, None, 1] != position[None, :, 1])
+    members: Mask = (position[:, None, 0] != position[None, :, 0]) | (
+        position[:, None, 1] != position[None, :, 1]
+    )
     return members
 
 
@@ -98,7 +100,9 @@ def nearest_members(distance_db: Array, count: int, member: Mask | None = None, 
     InputError
         If ``count`` is not positive, or larger than the smallest training set.
     """
-    least = distance_db.shape[1] if member is None else int(member.sum(axis=1).min(initial=distance_db.shape[1]))
+    least = (
+        distance_db.shape[1] if member is None else int(member.sum(axis=1).min(initial=distance_db.shape[1]))
+    )
     if not 1 <= count <= least:
         raise InputError(
             f"{name}={count}",

@@ -13,7 +13,7 @@ from positioning.geometry import pairwise_distance_m, wall_crossings
 from positioning.model import Array, Site, Survey
 
 NEAREST_M = 0.5
-"""Distances to an access point are clipped here: nobody surveys inside its housing, and ln 0 is no reading."""
+"""Shorter distances to an access point count as this: nobody surveys inside its housing."""
 
 # Fewer readings than this leave nothing to estimate the residual's deviation from.
 _LEAST_READINGS = 4
@@ -105,7 +105,9 @@ def fit_propagation(terms: Array, rss_dbm: Array, member: Mask) -> Propagation:
     # Zero weights times finite terms are exact zeros: what is left out leaves no rounding behind.
     products = (counted[..., :, None] * terms[..., None, :]).reshape(samples, -1)
     gram = (weight @ products).reshape(-1, access_points, count, count)
-    moment = (weight @ (counted * reading[..., None]).reshape(samples, -1)).reshape(-1, access_points, count, 1)
+    moment = (weight @ (counted * reading[..., None]).reshape(samples, -1)).reshape(
+        -1, access_points, count, 1
+    )
     coefficient = (np.linalg.pinv(gram, rcond=_DEPENDENT, hermitian=True) @ moment)[..., 0]
     # [ap, fold, n]
     predicted = np.moveaxis(coefficient, 1, 0) @ np.moveaxis(terms, 0, 2)
@@ -180,7 +182,9 @@ def grid_m(corner_m: ArrayLike, step_m: float) -> Array:
     corner = np.asarray(corner_m, dtype=np.float64)
     size = corner[1] - corner[0]
     if not step_m > 0:
-        raise InputError(f"grid_step_m={step_m}", "it must be positive", "Choose a step in metres, such as 0.5")
+        raise InputError(
+            f"grid_step_m={step_m}", "it must be positive", "Choose a step in metres, such as 0.5"
+        )
     if not (size >= 0).all():
         raise InputError(
             "site.corner_m",
@@ -242,7 +246,9 @@ class PropagationRegressor(FingerprintRegressor, ABC):
 
         See Mirzababaei & Akbari, eqs. 67 and 68.
         """
-        return self._locate(log_likelihood(self.model_, self.grid_terms_, self._readings(rss_dbm), self.floor_dbm))
+        return self._locate(
+            log_likelihood(self.model_, self.grid_terms_, self._readings(rss_dbm), self.floor_dbm)
+        )
 
     def leave_one_out(self, rss_dbm: ArrayLike, position_m: ArrayLike) -> Array:
         """Return the estimate of each fingerprint with its reference point left out, [n, 2], metres.

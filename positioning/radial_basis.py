@@ -12,9 +12,10 @@ KERNELS = ("paper", "newrb")
 
 # A candidate's squared norm is down-dated by subtraction. Below this part of the value that was
 # last computed from its residual, the difference is no longer trusted and the residual is formed.
-_TRUSTED = 1e-6
-# A residual shorter than 1e-8 of its column is known to half the digits only: numerically zero.
-_DEPENDENT = 1e-16
+_TRUSTED = 1e-5
+# A residual shorter than 1e-6 of its column counts as zero: its direction, and so the choice among
+# several of them, would come from rounding, and its weight would be millions of metres.
+_DEPENDENT = 1e-12
 # Scores that differ by less are rounding of the same number (equal fingerprints): the first wins.
 _TIE = 1e-10
 # Below this the targets are fitted to their last digits.
@@ -63,7 +64,9 @@ def gaussian_kernel(distance_db: Array, spread_db: float, kernel: str = "paper")
         For another kernel, or a spread that is not positive.
     """
     if kernel not in KERNELS:
-        raise InputError(f"kernel={kernel!r}", f"it must be one of {', '.join(KERNELS)}", "Choose one of them")
+        raise InputError(
+            f"kernel={kernel!r}", f"it must be one of {', '.join(KERNELS)}", "Choose one of them"
+        )
     if not spread_db > 0:
         raise InputError(f"spread_db={spread_db}", "it must be positive", "Choose a width in dB, such as 45")
     scale = np.log(2.0) if kernel == "newrb" else 1.0
@@ -121,7 +124,9 @@ def fit_network(kernel: Array, target: Array, member: Mask, neurons: int) -> Net
         If ``neurons`` is not positive.
     """
     if neurons < 1:
-        raise InputError(f"neurons={neurons}", "it must be at least 1", "Choose a number of neurons such as 30")
+        raise InputError(
+            f"neurons={neurons}", "it must be at least 1", "Choose a number of neurons such as 30"
+        )
     samples = kernel.shape[0]
     column = np.ascontiguousarray(kernel.T)
     squared = kernel * kernel
@@ -154,7 +159,9 @@ def estimate(network: Network, kernel: Array) -> Array:
         Positions, [fold, 2], metres.
     """
     # Index -1 reads some column; its weight is zero.
-    response = np.take_along_axis(kernel, np.broadcast_to(network.centre, (len(kernel), network.centre.shape[1])), 1)
+    response = np.take_along_axis(
+        kernel, np.broadcast_to(network.centre, (len(kernel), network.centre.shape[1])), 1
+    )
     position: Array = np.einsum("fc,fco->fo", response, np.broadcast_to(network.weight, (*response.shape, 2)))
     return position + network.bias
 

@@ -35,6 +35,12 @@ def factory(use: str, task: str, parameters: Mapping[str, Any]) -> Factory:
     """
     if "." in use:
         cls = _library_class(use)
+        if not (hasattr(cls, "fit") and hasattr(cls, "predict")):
+            raise InputError(
+                f"algorithm {use}",
+                "it is no regressor: a class with fit and predict is needed",
+                "Name a scikit-learn regressor's class",
+            )
     else:
         module = importlib.import_module(f"algorithms.{task}.{use}")
         cls = getattr(module, class_name(use), None)
@@ -54,7 +60,8 @@ def factory(use: str, task: str, parameters: Mapping[str, Any]) -> Factory:
             )
 
     def make(**context: Any) -> Any:
-        algorithm = cls(**{**{k: v for k, v in context.items() if k in known}, **parameters})
+        given = {name: _built(value) for name, value in parameters.items()}
+        algorithm = cls(**{**{k: v for k, v in context.items() if k in known}, **given})
         return _with_inputs_prepared(algorithm) if "." in use else algorithm
 
     make.algorithm_class = cls  # type: ignore[attr-defined]
@@ -71,13 +78,16 @@ def _library_class(use: str) -> Any:
             f"it cannot be imported ({error})",
             "Check the dotted name, and that the library is installed",
         ) from error
-    if not (inspect.isclass(cls) and hasattr(cls, "fit") and hasattr(cls, "predict")):
-        raise InputError(
-            f"algorithm {use}",
-            "it is no regressor: a class with fit and predict is needed",
-            "Name a scikit-learn regressor's class",
-        )
+    if not inspect.isclass(cls):
+        raise InputError(f"algorithm {use}", "it is no class", "Give the dotted name of a class")
     return cls
+
+
+def _built(value: Any) -> Any:
+    """Build a setting that is itself an object of a library, like a kernel: ``{use: ..., ...}``."""
+    if isinstance(value, Mapping) and "use" in value:
+        return _library_class(value["use"])(**{k: _built(v) for k, v in value.items() if k != "use"})
+    return value
 
 
 def _with_inputs_prepared(regressor: Any) -> Any:

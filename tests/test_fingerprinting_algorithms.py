@@ -17,7 +17,7 @@ import algorithms.fingerprinting
 from algorithms.fingerprinting.bayes_average import BayesAverage
 from algorithms.fingerprinting.bayes_maximum_likelihood import BayesMaximumLikelihood
 from algorithms.fingerprinting.control_centre import ControlCentre
-from algorithms.fingerprinting.control_oracle import ControlOracle
+from algorithms.fingerprinting.control_oracle import ControlOracle, log_probability_between
 from algorithms.fingerprinting.knn import Knn
 from algorithms.fingerprinting.rbf_network import RbfNetwork
 from algorithms.fingerprinting.rbf_network_nearest import RbfNetworkNearest
@@ -36,7 +36,7 @@ from positioning.registry import class_name
 
 NAMES = sorted(module.name for module in pkgutil.iter_modules(algorithms.fingerprinting.__path__))
 CORNER_M = np.array([[0.0, 0.0], [15.0, 12.0]])
-FLOOR_DBM, NOISE_DB = -80.0, 3.0
+FLOOR_DBM, NOISE_DB = -73.0, 3.0
 # Smaller than by default, so that they fit the small survey of these tests.
 SMALL: dict[str, dict[str, Any]] = {
     "rbf_network": {"neurons": 12},
@@ -53,7 +53,7 @@ def make_world(seed: int = 5) -> tuple[Survey, Site, Truth]:
     x_m, y_m = np.meshgrid(np.arange(0.7, 15, 1.5), np.arange(0.9, 12, 1.7))
     position_m = np.column_stack([x_m.ravel(), y_m.ravel()])
     position_m[40] = position_m[41]
-    access_point_m = rng.uniform(*CORNER_M, (5, 2))
+    access_point_m = rng.uniform(CORNER_M[0], CORNER_M[1], (5, 2))
     distance_m = np.linalg.norm(position_m[:, None] - access_point_m, axis=-1)
     field_dbm = -38.0 - 35.0 * np.log10(np.maximum(distance_m, 0.5))
     field_dbm[:, 4] = -200.0
@@ -106,7 +106,7 @@ def leave_one_out(algorithm: Any, rss_dbm: Array, position_m: Array, point: int)
     """Locate one point of a leave-one-out."""
     if hasattr(algorithm, "leave_one_out"):
         return np.asarray(algorithm.leave_one_out(rss_dbm, position_m)[point])
-    return refit(algorithm, rss_dbm, position_m, [point])[0]
+    return np.asarray(refit(algorithm, rss_dbm, position_m, [point])[0])
 
 
 def test_all_algorithms_of_the_study_are_found() -> None:
@@ -119,10 +119,11 @@ def test_all_algorithms_of_the_study_are_found() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_parameters_are_keywords_documented_and_stored_unchanged(name: str) -> None:
     cls = algorithm_class(name)
+    text = inspect.getdoc(cls) or ""
     for parameter in inspect.signature(cls).parameters.values():
         assert parameter.kind is inspect.Parameter.KEYWORD_ONLY
         assert parameter.default is not inspect.Parameter.empty
-        assert f"\n    {parameter.name}\n" in inspect.getdoc(cls).replace("\n", "\n    "), parameter.name
+        assert f"\n{parameter.name}\n    " in text, parameter.name
     algorithm = make(name)
     before = algorithm.get_params(deep=False)
     copy = clone(algorithm).get_params(deep=False)
@@ -130,7 +131,8 @@ def test_parameters_are_keywords_documented_and_stored_unchanged(name: str) -> N
     after = algorithm.get_params(deep=False)
     for key, value in before.items():
         assert after[key] is value
-        assert copy[key] is value or copy[key] == value or hasattr(value, "__dataclass_fields__")
+        assert type(copy[key]) is type(value)
+        assert isinstance(value, Site | Truth) or copy[key] == value
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -140,13 +142,13 @@ def test_truth_is_for_controls_only(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_answers_are_finite_repeatable_and_leave_global_random_state_alone(name: str) -> None:
-    state = np.random.get_state()
+    state = np.random.get_state()  # noqa: NPY002
     first = make(name).fit(RSS, POSITION).predict(RSS)
     second = make(name).fit(RSS, POSITION).predict(RSS)
     assert first.shape == (COUNT, 2)
     assert np.isfinite(first).all()
     np.testing.assert_array_equal(first, second)
-    for old, new in zip(state, np.random.get_state(), strict=True):
+    for old, new in zip(state, np.random.get_state(), strict=True):  # noqa: NPY002
         np.testing.assert_array_equal(old, new)
 
 
@@ -209,18 +211,17 @@ def test_the_held_out_label_leaves_no_trace(name: str) -> None:
             changed = POSITION.copy()
             changed[point] = label
             np.testing.assert_array_equal(leave_one_out(make(name), RSS, changed, point), before)
-        other = 12 if point == 0 else 0
-        swapped = POSITION.copy()
-        swapped[point], swapped[other] = POSITION[other], POSITION[point]
-        if not name.startswith("control_"):
-            # The test can fail: a label that trains does matter.
-            swapped[point] = POSITION[point]
-            swapped[other] += 5.0
-            changes = [
-                (leave_one_out(make(name), RSS, swapped, i) != leave_one_out(make(name), RSS, POSITION, i)).any()
-                for i in (1, 13)
-            ]
-            assert point != 0 or name == "bayes_maximum_likelihood" or any(changes)
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if not n.startswith("control_")])
+def test_the_labels_that_train_do_leave_a_trace(name: str) -> None:
+    moved = POSITION + np.random.default_rng(0).uniform(-3, 3, POSITION.shape)
+    moved[41] = moved[40]
+    changes = [
+        leave_one_out(make(name), RSS, POSITION, i) != leave_one_out(make(name), RSS, moved, i)
+        for i in (0, 33)
+    ]
+    assert np.any(changes)
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if not n.startswith("control_")])
@@ -271,9 +272,18 @@ def test_knn_takes_the_first_of_equally_near_ones() -> None:
     np.testing.assert_array_equal(Knn(k=3).fit(rss, position).predict([[-55.0]]), [position[:3].mean(axis=0)])
 
 
+def test_many_equally_near_ones_are_taken_by_index() -> None:
+    distance_db = np.tile([3.0, 1.0, 2.0], 100)[None]
+    np.testing.assert_array_equal(nearest_members(distance_db, 90), [np.arange(1, 271, 3)])
+
+
 def test_not_heard_counts_as_weak() -> None:
     rss = np.array([[np.nan, -50.0], [-70.0, -50.0]])
-    located = Knn(k=1, not_heard_dbm=-100.0).fit(rss, [[0.0, 0.0], [1.0, 1.0]]).predict([[-84.0, -50], [-86.0, -50]])
+    located = (
+        Knn(k=1, not_heard_dbm=-100.0)
+        .fit(rss, [[0.0, 0.0], [1.0, 1.0]])
+        .predict([[-84.0, -50], [-86.0, -50]])
+    )
     np.testing.assert_array_equal(located, [[1.0, 1.0], [0.0, 0.0]])
 
 
@@ -281,25 +291,39 @@ def test_not_heard_counts_as_weak() -> None:
 @given(st.integers(0, 10_000), st.integers(1, 12))
 def test_nearest_neighbours_equal_those_of_scikit_learn(seed: int, k: int) -> None:
     rng = np.random.default_rng(seed)
-    rss, position, tested = rng.normal(-60, 10, (30, 4)), rng.uniform(0, 20, (30, 2)), rng.normal(-60, 10, (9, 4))
+    rss, position, tested = (
+        rng.normal(-60, 10, (30, 4)),
+        rng.uniform(0, 20, (30, 2)),
+        rng.normal(-60, 10, (9, 4)),
+    )
     reference = KNeighborsRegressor(k, algorithm="brute").fit(rss, position)
-    np.testing.assert_allclose(Knn(k=k).fit(rss, position).predict(tested), reference.predict(tested), rtol=1e-9)
+    np.testing.assert_allclose(
+        Knn(k=k).fit(rss, position).predict(tested), reference.predict(tested), rtol=1e-9
+    )
     weighted = KNeighborsRegressor(k, weights=lambda distance: 1 / (distance + 0.01), algorithm="brute")
     expected = weighted.fit(rss, position).predict(tested)
     np.testing.assert_allclose(Wknn(k=k).fit(rss, position).predict(tested), expected, rtol=1e-9)
 
 
 def test_one_neighbour_weighted_or_not_is_the_nearest() -> None:
-    nearest = np.argmin(np.where(training_members(POSITION), signal_distance_db(*[fill_not_heard(RSS, -100)] * 2), 1e9), 1)
+    nearest = np.argmin(
+        np.where(training_members(POSITION), signal_distance_db(*[fill_not_heard(RSS, -100)] * 2), 1e9), 1
+    )
     for algorithm in (Knn(k=1), Wknn(k=1)):
         np.testing.assert_allclose(algorithm.leave_one_out(RSS, POSITION), POSITION[nearest], rtol=1e-14)
 
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10_000), st.floats(-50, 50), st.floats(-20, 20))
-def test_neighbours_follow_a_moved_site_and_ignore_a_common_gain(seed: int, shift_m: float, gain_db: float) -> None:
+def test_neighbours_follow_a_moved_site_and_ignore_a_common_gain(
+    seed: int, shift_m: float, gain_db: float
+) -> None:
     rng = np.random.default_rng(seed)
-    rss, position, tested = rng.normal(-60, 10, (20, 3)), rng.uniform(0, 20, (20, 2)), rng.normal(-60, 10, (5, 3))
+    rss, position, tested = (
+        rng.normal(-60, 10, (20, 3)),
+        rng.uniform(0, 20, (20, 2)),
+        rng.normal(-60, 10, (5, 3)),
+    )
     for algorithm in (Knn(), Wknn(), Template()):
         located = algorithm.fit(rss, position).predict(tested)
         moved = algorithm.fit(rss + gain_db, position + shift_m).predict(tested + gain_db)
@@ -309,7 +333,9 @@ def test_neighbours_follow_a_moved_site_and_ignore_a_common_gain(seed: int, shif
 @pytest.mark.parametrize("algorithm", [Knn(k=6), Wknn(k=6), RbfNetworkNearest(nearest=6)])
 def test_more_neighbours_than_training_fingerprints_are_refused(algorithm: Any) -> None:
     rss, position = np.arange(5.0)[:, None] - 60, np.arange(10.0).reshape(5, 2)
-    with pytest.raises(InputError, match="=6: it must lie between 1 and the number of training fingerprints, 5"):
+    with pytest.raises(
+        InputError, match="=6: it must lie between 1 and the number of training fingerprints, 5"
+    ):
         algorithm.fit(rss, position).predict(rss)
     with pytest.raises(InputError, match="4"):
         algorithm.leave_one_out(rss, position)
@@ -349,7 +375,8 @@ def test_newrb_is_the_paper_kernel_with_a_wider_spread() -> None:
 
 def test_random_state_draws_the_reduced_training_set() -> None:
     first, second = (
-        RbfNetwork(neurons=8, training_samples=30, random_state=seed).fit(RSS, POSITION).rss_dbm_ for seed in (1, 2)
+        RbfNetwork(neurons=8, training_samples=30, random_state=seed).fit(RSS, POSITION).rss_dbm_
+        for seed in (1, 2)
     )
     assert first.shape == (30, 5)
     assert (first != second).any()
@@ -360,20 +387,24 @@ def test_random_state_draws_the_reduced_training_set() -> None:
 
 def test_bayes_finds_places_in_a_world_that_follows_the_model() -> None:
     rng = np.random.default_rng(3)
-    position = rng.uniform(*CORNER_M, (80, 2))
+    position = rng.uniform(CORNER_M[0], CORNER_M[1], (80, 2))
     corners = np.array([[0.3, 0.2], [14.6, 0.4], [0.5, 11.7], [14.2, 11.5]])
     site = Site(corner_m=CORNER_M, access_point_m=corners)
     distance_m = np.linalg.norm(position[:, None] - corners, axis=-1)
     rss = -40 - 15 * np.log(np.maximum(distance_m, 0.5))
     for cls in (BayesAverage, BayesMaximumLikelihood):
         located = cls(site=site, grid_step_m=0.25).leave_one_out(rss, position)
-        # The grid is exact to half its diagonal.
-        assert np.linalg.norm(located - position, axis=1).max() < 0.3
+        error_m = np.linalg.norm(located - position, axis=1)
+        # Half the diagonal of a cell, and more only where the posterior is cut off by the site's edge.
+        assert np.quantile(error_m, 0.9) < 0.18
+        assert error_m.max() < 0.5
 
 
 def test_bayes_stays_inside_the_site() -> None:
     for cls in (BayesAverage, BayesMaximumLikelihood):
-        located = cls(site=SITE).fit(RSS, POSITION).predict(np.random.default_rng(0).uniform(-95, -30, (50, 5)))
+        located = (
+            cls(site=SITE).fit(RSS, POSITION).predict(np.random.default_rng(0).uniform(-95, -30, (50, 5)))
+        )
         assert (located >= CORNER_M[0]).all()
         assert (located <= CORNER_M[1]).all()
 
@@ -385,7 +416,9 @@ def test_bayes_without_any_reading_is_the_centre() -> None:
 
 
 def test_centre() -> None:
-    np.testing.assert_array_equal(ControlCentre(site=SITE).fit(RSS, POSITION).predict(RSS[:2]), [[7.5, 6.0]] * 2)
+    np.testing.assert_array_equal(
+        ControlCentre(site=SITE).fit(RSS, POSITION).predict(RSS[:2]), [[7.5, 6.0]] * 2
+    )
     located = ControlCentre().fit(np.zeros((3, 1)), [[0.0, 0.0], [1.0, 0.0], [4.0, 2.0]]).predict([[0.0]])
     np.testing.assert_array_equal(located, [[2.0, 1.0]])
 
@@ -395,7 +428,10 @@ def oracle_world(noise_db: float) -> tuple[Truth, Array]:
     rng = np.random.default_rng(8)
     field = rng.uniform(-70, -40, (60, 4))
     truth = Truth(
-        position_m=rng.uniform(0, 20, (60, 2)), field_dbm=field, noise_db=np.array(noise_db), floor_dbm=np.array(-65.0)
+        position_m=rng.uniform(0, 20, (60, 2)),
+        field_dbm=field,
+        noise_db=np.array(noise_db),
+        floor_dbm=np.array(-65.0),
     )
     rss = np.round(field + noise_db * rng.standard_normal(field.shape))
     return truth, np.where(rss < -65.0, np.nan, rss)
@@ -411,7 +447,10 @@ def test_oracle_with_tiny_noise_finds_the_point(noise_db: float) -> None:
 def test_oracle_with_huge_noise_knows_the_mean_only() -> None:
     truth, rss = oracle_world(2.0)
     blind = Truth(
-        position_m=truth.position_m, field_dbm=truth.field_dbm, noise_db=np.array(1e7), floor_dbm=np.array(-65.0)
+        position_m=truth.position_m,
+        field_dbm=truth.field_dbm,
+        noise_db=np.array(1e7),
+        floor_dbm=np.array(-65.0),
     )
     located = ControlOracle(truth=blind).leave_one_out(rss, truth.position_m)
     np.testing.assert_allclose(located, np.tile(truth.position_m.mean(axis=0), (60, 1)), atol=1e-3)
@@ -424,16 +463,33 @@ def test_oracle_equals_the_posterior_by_hand() -> None:
     cell = stats.norm(truth.field_dbm, 4.0)
     for point in range(60):
         heard = ~np.isnan(rss[point])
-        probability = np.where(heard, cell.cdf(rss[point] + 0.5) - cell.cdf(rss[point] - 0.5), cell.cdf(-65.5))
+        probability = np.where(
+            heard, cell.cdf(rss[point] + 0.5) - cell.cdf(rss[point] - 0.5), cell.cdf(-65.5)
+        )
         posterior = probability.prod(axis=1)
         np.testing.assert_allclose(located[point], posterior @ truth.position_m / posterior.sum(), atol=1e-8)
+
+
+def test_oracle_knows_how_unlikely_a_reading_is() -> None:
+    lower, upper = np.array([-10.5, 10.0, -0.2, 3.0]), np.array([-10.0, 10.5, 0.3, 3.0001])
+    normal = stats.norm
+    expected = np.log([normal.sf(10) - normal.sf(10.5)] * 2 + [normal.cdf(0.3) - normal.cdf(-0.2)])
+    np.testing.assert_allclose(log_probability_between(lower, upper)[:3], expected, rtol=1e-12)
+    # A narrow cell: density times width.
+    narrow = normal.logpdf(3.00005) + np.log(1e-4)
+    np.testing.assert_allclose(log_probability_between(lower, upper)[3], narrow, rtol=1e-7)
+    # Where the upper tail is below the smallest number, it still mirrors the lower one.
+    far = log_probability_between(np.array([50.0, -50.5]), np.array([50.5, -50.0]))
+    np.testing.assert_allclose(far, normal.logsf(50.0), rtol=1e-9)
+    # So far out that the two ends cannot be told apart any more.
+    assert np.isfinite(log_probability_between(np.array([-1e18]), np.array([-1e18]))).all()
 
 
 def test_oracle_beats_every_row() -> None:
     worlds = [make_world(seed) for seed in range(4)]
     squared: dict[str, list[float]] = {}
     for survey, site, truth in worlds:
-        known = {
+        known: dict[str, Any] = {
             "oracle": ControlOracle(truth=truth),
             "wknn": Wknn(),
             "template": Template(),
@@ -471,6 +527,8 @@ def test_nearest_members_skip_those_that_do_not_train() -> None:
 def test_fill_not_heard_learns_from_the_training() -> None:
     training, tested = np.array([[-50.0, np.nan], [-81.0, -60.0]]), np.array([[np.nan, -99.0]])
     np.testing.assert_array_equal(FillNotHeard().fit(training).transform(tested), [[-82.0, -99.0]])
-    np.testing.assert_array_equal(FillNotHeard(value_dbm=-110.0).fit(training).transform(tested), [[-110.0, -99.0]])
+    np.testing.assert_array_equal(
+        FillNotHeard(value_dbm=-110.0).fit(training).transform(tested), [[-110.0, -99.0]]
+    )
     assert np.isfinite(FillNotHeard().fit(np.full((2, 2), np.nan)).transform(tested)).all()
     assert np.isnan(training).sum() == 1

@@ -19,7 +19,7 @@ COEFFICIENT = np.array([[-30.0, -14.0, -3.0], [-35.0, -12.0, -5.0], [-28.0, -16.
 def survey(noise_db: float = 0.0, samples: int = 40) -> tuple[Array, Array]:
     """Return positions and readings that follow the model."""
     rng = np.random.default_rng(1)
-    position_m = rng.uniform(*CORNER_M, (samples, 2))
+    position_m = rng.uniform(CORNER_M[0], CORNER_M[1], (samples, 2))
     expected = np.einsum("nat,at->na", propagation_terms(position_m, SITE), COEFFICIENT)
     return position_m, expected + noise_db * rng.standard_normal(expected.shape)
 
@@ -59,7 +59,9 @@ def test_fit_equals_least_squares_fold_by_fold() -> None:
 
 def test_fit_without_a_crossed_wall_has_no_wall_loss() -> None:
     position, rss = survey(noise_db=2.0)
-    far_wall = Site(corner_m=CORNER_M, access_point_m=ACCESS_POINT_M, wall_m=np.array([[[50.0, 0.0], [50.0, 9.0]]]))
+    far_wall = Site(
+        corner_m=CORNER_M, access_point_m=ACCESS_POINT_M, wall_m=np.array([[[50.0, 0.0], [50.0, 9.0]]])
+    )
     no_wall = Site(corner_m=CORNER_M, access_point_m=ACCESS_POINT_M)
     member = training_members(position)
     with_term = fit_propagation(propagation_terms(position, far_wall), rss, member)

@@ -27,4 +27,4 @@ class BayesMaximumLikelihood(PropagationRegressor):
     def _locate(self, likelihood: Array) -> Array:
         flat = likelihood.max(axis=1) == likelihood.min(axis=1)
         likeliest = self.grid_m_[np.argmax(likelihood, axis=1)]
-        return np.where(flat[:, None], self.grid_m_.mean(axis=0), likeliest)
+        return np.asarray(np.where(flat[:, None], self.grid_m_.mean(axis=0), likeliest))

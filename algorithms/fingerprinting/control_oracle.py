@@ -80,7 +80,7 @@ class ControlOracle(FingerprintRegressor):
             # Not heard is the cell below the floor: from minus infinity to half a dB under it.
             upper = (np.where(heard, reading + 0.5, self.floor_dbm_ - 0.5) - field) / self.noise_db_
             lower = (np.where(heard, reading - 0.5, 0.0) - field) / self.noise_db_
-            cell = _log_probability_between(lower, upper)
+            cell = log_probability_between(lower, upper)
             likelihood += np.where(heard, cell, log_ndtr(upper))
         posterior = np.exp(likelihood - likelihood.max(axis=1, keepdims=True))
         return np.asarray(posterior @ self.position_m_ / posterior.sum(axis=1, keepdims=True))
@@ -94,8 +94,17 @@ class ControlOracle(FingerprintRegressor):
         return self.fit(rss_dbm, position_m).predict(rss_dbm)
 
 
-def _log_probability_between(lower: Array, upper: Array) -> Array:
-    """Return ln(Phi(upper) - Phi(lower)), accurate in both tails."""
+def log_probability_between(lower: Array, upper: Array) -> Array:
+    """Return the logarithm of the probability of cells of a standard normal variable.
+
+    See Mirzababaei & Akbari, Table 1, for the row that needs it. Accurate in both tails, and finite
+    where both ends are the same to the last digit.
+
+    Parameters
+    ----------
+    lower, upper
+        Ends of the cells, [...], in standard deviations.
+    """
     # In the upper tail both values are near one: mirror the cell into the lower tail.
     mirrored = lower + upper > 0
     low, high = np.where(mirrored, -upper, lower), np.where(mirrored, -lower, upper)

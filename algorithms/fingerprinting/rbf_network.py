@@ -80,7 +80,9 @@ class RbfNetwork(FingerprintRegressor):
         drawn = self._draw(len(rss))
         self.rss_dbm_ = fill_not_heard(rss, self.not_heard_dbm)[drawn]
         kernel = self._kernel(self.rss_dbm_)
-        self.network_ = fit_network(kernel, position[drawn], np.ones((1, len(drawn)), dtype=bool), self.neurons)
+        self.network_ = fit_network(
+            kernel, position[drawn], np.ones((1, len(drawn)), dtype=bool), self.neurons
+        )
         return self
 
     def predict(self, rss_dbm: ArrayLike) -> Array:
@@ -88,7 +90,9 @@ class RbfNetwork(FingerprintRegressor):
 
         See Mirzababaei & Akbari, eq. 62.
         """
-        return estimate(self.network_, self._kernel(fill_not_heard(self._readings(rss_dbm), self.not_heard_dbm)))
+        return estimate(
+            self.network_, self._kernel(fill_not_heard(self._readings(rss_dbm), self.not_heard_dbm))
+        )
 
     def leave_one_out(self, rss_dbm: ArrayLike, position_m: ArrayLike) -> Array:
         """Return the estimate of each fingerprint with its reference point left out, [n, 2], metres.

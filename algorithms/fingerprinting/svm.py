@@ -68,10 +68,13 @@ class Svm(FingerprintRegressor):
         self.position_scaler_ = StandardScaler().fit(position)
         reading = self.reading_scaler_.transform(fill_not_heard(rss, self.not_heard_dbm))
         coordinate = self.position_scaler_.transform(position)
-        self.machines_ = [
-            SVR(C=self.penalty, epsilon=self.tube_m / scale_m, gamma=width**-2).fit(reading, coordinate[:, axis])
-            for axis, scale_m in enumerate(self.position_scaler_.scale_)
-        ]
+        self.machines_ = []
+        for axis, scale_m in enumerate(self.position_scaler_.scale_):
+            machine = SVR(C=self.penalty, epsilon=self.tube_m / scale_m, gamma=width**-2)
+            # Regression draws nothing at random, yet scikit-learn takes a seed from the global
+            # state unless it finds one here.
+            machine.random_state = 0
+            self.machines_.append(machine.fit(reading, coordinate[:, axis]))
         return self
 
     def predict(self, rss_dbm: ArrayLike) -> Array:

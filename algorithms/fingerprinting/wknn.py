@@ -33,7 +33,9 @@ class Wknn(FingerprintRegressor):
         What stands for an access point that was not heard, dBm; not printed in the paper.
     """
 
-    def __init__(self, *, k: int = 6, distance_offset_db: float = 0.01, not_heard_dbm: float = -100.0) -> None:
+    def __init__(
+        self, *, k: int = 6, distance_offset_db: float = 0.01, not_heard_dbm: float = -100.0
+    ) -> None:
         self.k = k
         self.distance_offset_db = distance_offset_db
         self.not_heard_dbm = not_heard_dbm
@@ -81,7 +83,9 @@ class Wknn(FingerprintRegressor):
         """
         self.fit(rss_dbm, position_m)
         distance_db = signal_distance_db(self.rss_dbm_, self.rss_dbm_)
-        return self._average(distance_db, nearest_members(distance_db, self.k, training_members(self.position_m_)))
+        return self._average(
+            distance_db, nearest_members(distance_db, self.k, training_members(self.position_m_))
+        )
 
     def _average(self, distance_db: Array, nearest: Index) -> Array:
         weight = 1.0 / (np.take_along_axis(distance_db, nearest, axis=1) + self.distance_offset_db)

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from positioning.errors import InputError
-from positioning.fingerprints import training_members
 from positioning.model import Array, Arrays, Query, Site, Survey, Truth, world
 from positioning.registry import Factory
 from positioning.tasks import Outcome
@@ -19,6 +18,9 @@ def leave_one_out(algorithm: Any, survey: Survey, query: Query | None) -> Array:
 
     The whole reference point is left out: fingerprints at the tested one's own position never train.
     """
+    # Imported here, because scoring uses this module and must not wait for scikit-learn.
+    from positioning.fingerprints import training_members
+
     if hasattr(algorithm, "leave_one_out"):
         return np.asarray(algorithm.leave_one_out(survey.rss_dbm, survey.position_m), dtype=float)
     return _refit(algorithm, survey, training_members(survey.position_m))

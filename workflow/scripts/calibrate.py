@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 from positioning.errors import InputError
 from positioning.evaluation.metrics import figures_of_merit
 from positioning.files import write_json
+from positioning.joblog import logging_to
 from positioning.registry import factory
 from positioning.seeds import stream
 
@@ -72,11 +73,10 @@ def main(
 
 
 if __name__ == "__main__":
-    from snakemake.script import snakemake
-
-    main(
-        snakemake.wildcards.study,
-        snakemake.params.families,
-        snakemake.params.steps,
-        snakemake.output[0],
-    )
+    with logging_to(snakemake.log[0]):
+        main(
+            snakemake.wildcards.study,
+            snakemake.params.families,
+            snakemake.params.steps,
+            snakemake.output[0],
+        )

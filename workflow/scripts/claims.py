@@ -4,6 +4,7 @@ import pandas as pd
 
 from positioning.evaluation.claims import judge
 from positioning.files import read_json, read_yaml, replacing
+from positioning.joblog import logging_to
 
 
 def main(study: str, paper: str, measures: str, times: str, calibration: str | None, papers: str, output: str) -> None:
@@ -21,14 +22,13 @@ def main(study: str, paper: str, measures: str, times: str, calibration: str | N
 
 
 if __name__ == "__main__":
-    from snakemake.script import snakemake
-
-    main(
-        snakemake.wildcards.study,
-        snakemake.params.paper,
-        snakemake.input.measures,
-        snakemake.input.times,
-        snakemake.input.get("calibration"),
-        snakemake.input.paper,
-        snakemake.output[0],
-    )
+    with logging_to(snakemake.log[0]):
+        main(
+            snakemake.wildcards.study,
+            snakemake.params.paper,
+            snakemake.input.measures,
+            snakemake.input.times,
+            snakemake.input.get("calibration"),
+            snakemake.input.paper,
+            snakemake.output[0],
+        )

@@ -10,6 +10,7 @@ import pandas as pd
 from positioning.evaluation import measures as m
 from positioning.evaluation.results import read_row_errors, read_row_times, read_stacks
 from positioning.files import read_yaml, replacing
+from positioning.joblog import logging_to
 
 
 def main(
@@ -49,18 +50,17 @@ def main(
 
 
 if __name__ == "__main__":
-    from snakemake.script import snakemake
-
-    main(
-        snakemake.wildcards.study,
-        snakemake.params.rows,
-        snakemake.params.table,
-        {
-            "errors": snakemake.input.errors,
-            "estimates": snakemake.input.estimates,
-            "worlds": [p for p in snakemake.input.get("extra", []) if p.endswith(".npz")],
-        },
-        bool(snakemake.input.get("extra")),
-        snakemake.input.paper,
-        dict(snakemake.output.items()),
-    )
+    with logging_to(snakemake.log[0]):
+        main(
+            snakemake.wildcards.study,
+            snakemake.params.rows,
+            snakemake.params.table,
+            {
+                "errors": snakemake.input.errors,
+                "estimates": snakemake.input.estimates,
+                "worlds": [p for p in snakemake.input.get("extra", []) if p.endswith(".npz")],
+            },
+            bool(snakemake.input.get("extra")),
+            snakemake.input.paper,
+            dict(snakemake.output.items()),
+        )

@@ -6,6 +6,7 @@ import pandas as pd
 
 from positioning.errors import InputError
 from positioning.files import replacing, write_text
+from positioning.joblog import logging_to
 
 
 def main(claims: Sequence[str], accepted: str | None, output: str, check: str) -> None:
@@ -40,13 +41,12 @@ def main(claims: Sequence[str], accepted: str | None, output: str, check: str) -
 
 
 if __name__ == "__main__":
-    from snakemake.script import snakemake
-
-    main(
-        snakemake.input.claims,
-        (snakemake.input.get("accepted") or [None])[0]
-        if not isinstance(snakemake.input.get("accepted"), str)
-        else snakemake.input.accepted,
-        snakemake.output.claims,
-        snakemake.output.check,
-    )
+    with logging_to(snakemake.log[0]):
+        main(
+            snakemake.input.claims,
+            (snakemake.input.get("accepted") or [None])[0]
+            if not isinstance(snakemake.input.get("accepted"), str)
+            else snakemake.input.accepted,
+            snakemake.output.claims,
+            snakemake.output.check,
+        )

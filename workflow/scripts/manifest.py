@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from positioning.files import write_json
+from positioning.joblog import logging_to
 
 PACKAGES = ("numpy", "scipy", "scikit-learn", "pandas", "matplotlib", "snakemake", "pyarrow")
 
@@ -62,6 +63,5 @@ def _processor() -> str:
 
 
 if __name__ == "__main__":
-    from snakemake.script import snakemake
-
-    main(snakemake.params.config, snakemake.params.benchmarks, snakemake.output[0])
+    with logging_to(snakemake.log[0]):
+        main(snakemake.params.config, snakemake.params.benchmarks, snakemake.output[0])

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from positioning.files import write_tree
+from positioning.joblog import logging_to
 from positioning.recordings.register import check_files
 
 
@@ -30,11 +31,10 @@ def main(members: Mapping[str, Mapping[str, Any]], realdata: str, observed: str,
 
 
 if __name__ == "__main__":
-    from snakemake.script import snakemake
-
-    main(
-        snakemake.params.members,
-        snakemake.params.realdata,
-        snakemake.output.observed,
-        snakemake.output.truth,
-    )
+    with logging_to(snakemake.log[0]):
+        main(
+            snakemake.params.members,
+            snakemake.params.realdata,
+            snakemake.output.observed,
+            snakemake.output.truth,
+        )

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from positioning.files import read_tree, write_tree
+from positioning.joblog import logging_to
 from positioning.registry import factory
 from positioning.seeds import stream
 
@@ -56,12 +57,11 @@ def main(study: str, row: Mapping[str, Any], observed: str, truth: str | None, o
 
 
 if __name__ == "__main__":
-    from snakemake.script import snakemake
-
-    main(
-        snakemake.wildcards.study,
-        snakemake.params.row,
-        snakemake.input.observed,
-        snakemake.input.get("truth"),
-        snakemake.output[0],
-    )
+    with logging_to(snakemake.log[0]):
+        main(
+            snakemake.wildcards.study,
+            snakemake.params.row,
+            snakemake.input.observed,
+            snakemake.input.get("truth"),
+            snakemake.output[0],
+        )

@@ -5,6 +5,7 @@ from importlib import import_module
 import numpy as np
 
 from positioning.files import read_tree, write_errors
+from positioning.joblog import logging_to
 
 
 def main(task: str, estimates: str, truth: str, output: str) -> None:
@@ -37,11 +38,10 @@ def main(task: str, estimates: str, truth: str, output: str) -> None:
 
 
 if __name__ == "__main__":
-    from snakemake.script import snakemake
-
-    main(
-        snakemake.params.task,
-        snakemake.input.estimates,
-        snakemake.input.truth,
-        snakemake.output[0],
-    )
+    with logging_to(snakemake.log[0]):
+        main(
+            snakemake.params.task,
+            snakemake.input.estimates,
+            snakemake.input.truth,
+            snakemake.output[0],
+        )

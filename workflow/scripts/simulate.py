@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from positioning.files import read_json, write_tree
+from positioning.joblog import logging_to
 from positioning.seeds import stream
 
 
@@ -27,12 +28,11 @@ def main(
 
 
 if __name__ == "__main__":
-    from snakemake.script import snakemake
-
-    main(
-        snakemake.wildcards.study,
-        snakemake.params.members,
-        snakemake.input.get("calibration"),
-        snakemake.output.observed,
-        snakemake.output.truth,
-    )
+    with logging_to(snakemake.log[0]):
+        main(
+            snakemake.wildcards.study,
+            snakemake.params.members,
+            snakemake.input.get("calibration"),
+            snakemake.output.observed,
+            snakemake.output.truth,
+        )

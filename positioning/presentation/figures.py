@@ -1,0 +1,504 @@
+"""Figures of a study: a study's own set where it has one, otherwise the same two kinds for every study."""
+
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from positioning.evaluation.measures import paired, published_numbers
+from positioning.evaluation.results import StudyResults
+from positioning.evaluation.statistics import Interval, single_experiment_interval
+from positioning.files import write_text
+from positioning.presentation.style import GREY, WIDTH_IN, drawing, is_control, stroke
+
+PERCENTILES = {"p50_m": 50, "p75_m": 75, "p90_m": 90, "p95_m": 95}
+_LEVELS = np.linspace(0, 100, 201)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A figure with what a reader needs beside it.
+
+    Attributes
+    ----------
+    name
+        Its file name without ending; where the paper has the figure, the paper's number.
+    figure
+        The drawing.
+    title
+        A few words.
+    caption
+        What is shown, over how many samples and worlds.
+    alt
+        What a reader who cannot see it needs to know.
+    """
+
+    name: str
+    figure: Figure
+    title: str
+    caption: str
+    alt: str
+
+
+def draw(results: StudyResults) -> list[Drawn]:
+    """Return the figures of a study, in the order in which they are shown.
+
+    Parameters
+    ----------
+    results
+        What the workflow made of the study.
+    """
+    with drawing():
+        module = f"{__package__}.studies.{results.study}"
+        if find_spec(module) is not None:
+            drawn: list[Drawn] = import_module(module).draw(results)
+            return drawn
+        return default_figures(results)
+
+
+def save(drawn: Iterable[Drawn], folder: str | Path) -> None:
+    """Write every figure as SVG and PDF, and ``captions.json`` in the order given.
+
+    Equal figures give equal bytes: no dates, and names inside the SVG that depend on content alone.
+
+    Parameters
+    ----------
+    drawn
+        Figures as `draw` returns them.
+    folder
+        Where they go; it exists.
+    """
+    captions = []
+    with drawing():
+        for item in drawn:
+            item.figure.savefig(Path(folder) / f"{item.name}.svg", metadata={"Date": None, "Creator": None})
+            item.figure.savefig(Path(folder) / f"{item.name}.pdf", metadata={"CreationDate": None})
+            captions.append(
+                {"name": item.name, "title": item.title, "caption": item.caption, "alt": item.alt}
+            )
+    write_text(Path(folder) / "captions.json", json.dumps(captions, indent=2, ensure_ascii=False) + "\n")
+
+
+def default_figures(results: StudyResults) -> list[Drawn]:
+    """Return an error distribution for every family, and the mean errors with their intervals."""
+    drawn = []
+    families = measured_families(results)
+    for family in families:
+        figure = new_figure(4.2)
+        axes = figure.subplots()
+        rows = measured_rows(results, family)
+        distribution(axes, results, family, rows)
+        legend_beside(axes)
+        drawn.append(
+            Drawn(
+                name="error_distribution" if len(families) == 1 else f"error_distribution_{family}",
+                figure=figure,
+                title=f"Error distribution, {family}",
+                caption="Share of position errors up to a given size, all samples pooled:"
+                f" {counted(results, family)}.",
+                alt=distribution_alt(results, family, rows),
+            )
+        )
+    figure = new_figure(0.6 + sum(0.5 + 0.26 * len(measured_rows(results, f)) for f in families))
+    panels = np.atleast_1d(
+        figure.subplots(
+            len(families), 1, height_ratios=[2 + len(measured_rows(results, f)) for f in families]
+        )
+    )
+    for axes, family in zip(panels, families, strict=True):
+        rows = measured_rows(results, family)
+        bars(axes, results, family, rows)
+        axes.set_title(family)
+    drawn.append(
+        Drawn(
+            name="mean_error",
+            figure=figure,
+            title="Mean error",
+            caption="Mean position error; the line is the central 95 % of single experiments. "
+            + "; ".join(f"{family}: {counted(results, family)}" for family in families)
+            + ".",
+            alt="; ".join(means_alt(results, family, measured_rows(results, family)) for family in families),
+        )
+    )
+    return drawn
+
+
+def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
+    """Return an empty figure whose parts keep clear of each other."""
+    return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
+def measured_families(results: StudyResults) -> list[str]:
+    """Return the families in which some row of the table was measured."""
+    present = set(results.measures["family"])
+    return [family for family in results.families() if family in present]
+
+
+def measured_rows(results: StudyResults, family: str) -> list[str]:
+    """Return the rows of the table that ran in a family, in their order."""
+    own = results.measures[(results.measures["family"] == family) & results.measures["value"].isna()]
+    present = set(own["algorithm"])
+    return [row for row in results.rows if row in present]
+
+
+def per_world(results: StudyResults, family: str, row: str, metric: str = "mean_m") -> np.ndarray[Any, Any]:
+    """Return a metric of a row of the table, one value a world, in the order of worlds."""
+    own = results.measures
+    own = own[
+        (own["family"] == family)
+        & (own["algorithm"] == row)
+        & (own["metric"] == metric)
+        & own["value"].isna()
+    ]
+    return own.sort_values("world")["x"].to_numpy(dtype=float)
+
+
+def counted(results: StudyResults, family: str) -> str:
+    """Return in words how many samples and worlds a family has."""
+    row = measured_rows(results, family)[0]
+    worlds, samples = len(per_world(results, family, row)), int(per_world(results, family, row, "n")[0])
+    return f"n = {samples} samples" + (f" in each of {worlds} worlds" if worlds > 1 else " in one world")
+
+
+def published(results: StudyResults) -> dict[tuple[str, str], dict[str, str]]:
+    """Return the printed digits by (family, row) and metric."""
+    claims = [claim for claim in results.paper.get("claims", []) if claim["study"] == results.study]
+    return published_numbers(claims, measured_families(results)[:1])
+
+
+def printed_or_none(results: StudyResults, claim: str) -> str | None:
+    """Return the printed digits of a claim, None where the paper has no such claim or no number in it."""
+    found = next((c for c in results.paper.get("claims", []) if c["id"] == claim), None)
+    return None if found is None or "printed" not in found else results.printed(claim)
+
+
+def distribution(axes: Axes, results: StudyResults, family: str, rows: Sequence[str]) -> None:
+    """Draw the cumulative distribution of the pooled errors of some rows, printed percentiles as markers."""
+    numbers, reach = published(results), [0.0]
+    for row in rows:
+        own = results.errors(row, family)
+        errors = own[own["value"].isna()]["error_m"].to_numpy(dtype=float)
+        look = stroke(row)
+        axes.plot(np.percentile(errors, _LEVELS), _LEVELS, color=look.color, linestyle=look.line, label=row)
+        printed = numbers.get((family, row), {})
+        levels = [
+            (float(printed[metric]), level) for metric, level in PERCENTILES.items() if metric in printed
+        ]
+        if levels:
+            axes.plot(
+                *zip(*levels, strict=True), look.marker, color=look.color, markerfacecolor="white", zorder=3
+            )
+        if not is_control(row) or len(rows) == 1:
+            reach.append(float(np.percentile(errors, 97)))
+        reach.extend(metres for metres, _ in levels)
+    axes.set_xlim(0, 1.05 * max(reach) or 1.0)
+    axes.set_ylim(0, 100)
+    axes.tick_params(labelbottom=True)
+    axes.set_xlabel("position error (m)")
+    axes.set_ylabel("share of samples (%)")
+
+
+def distribution_alt(results: StudyResults, family: str, rows: Sequence[str]) -> str:
+    """Return in words what an error distribution shows: the medians and 95 % errors, best first."""
+    parts = []
+    for row in rows:
+        median, p95 = (float(per_world(results, family, row, metric).mean()) for metric in ("p50_m", "p95_m"))
+        parts.append((median, p95, row))
+    told = "; ".join(f"{row} {median:.2f} m and {p95:.2f} m" for median, p95, row in sorted(parts))
+    return (
+        f"Cumulative error distributions, {family}. Median and 95 % error, means over worlds,"
+        f" best first: {told}."
+    )
+
+
+def legend_beside(axes: Axes) -> None:
+    """Put the legend to the right of a panel, where it covers nothing."""
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.02), borderaxespad=0, handlelength=2.4)
+
+
+def interval_of(values: np.ndarray[Any, Any]) -> Interval:
+    """Return where single experiments lie, for drawing; a single world has no extent."""
+    return single_experiment_interval(values)
+
+
+def bars(axes: Axes, results: StudyResults, family: str, rows: Sequence[str]) -> None:
+    """Draw mean errors as bars from above, with the interval of single experiments."""
+    for place, row in enumerate(rows):
+        values = per_world(results, family, row)
+        axes.barh(place, values.mean(), height=0.62, color=stroke(row).color, alpha=0.85)
+        if len(values) > 1:
+            low, high, _ = interval_of(values)
+            axes.plot([low, high], [place, place], color="#111111", linewidth=1.2)
+    label_rows(axes, rows)
+    keep_in_reach(axes, *means_and_ends(results, family, rows))
+    axes.set_xlim(left=0)
+    axes.set_xlabel("mean position error (m)")
+
+
+def keep_in_reach(axes: Axes, means_m: Mapping[str, float], ends_m: Mapping[str, float]) -> None:
+    """Cut the axis behind the rows that compete, and write beside it how far a control beyond lies.
+
+    Parameters
+    ----------
+    axes
+        Where rows are drawn, the first on top.
+    means_m
+        What is drawn of each row, metres, in their order.
+    ends_m
+        How far the drawing of each row reaches to the right, metres.
+    """
+    low, high = axes.get_xlim()
+    competing = [end for row, end in ends_m.items() if not is_control(row)]
+    if not competing:
+        return
+    reach = max(competing) + 0.3 * (max(competing) - low)
+    if reach >= high:
+        return
+    axes.set_xlim(low, reach)
+    for place, mean in enumerate(means_m.values()):
+        if mean > reach:
+            axes.annotate(
+                f"{mean:.2f} m \N{RIGHTWARDS ARROW}",
+                (1, place),
+                xycoords=("axes fraction", "data"),
+                xytext=(-3, 0),
+                textcoords="offset points",
+                ha="right",
+                va="center",
+                fontsize=8,
+                color="#333333",
+                bbox={"fc": "white", "ec": "none", "pad": 1.0},
+            )
+
+
+def means_and_ends(
+    results: StudyResults, family: str, rows: Sequence[str]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the mean of each row, and the upper end of its interval of single experiments, metres."""
+    values = {row: per_world(results, family, row) for row in rows}
+    means = {row: float(own.mean()) for row, own in values.items()}
+    return means, {row: float(interval_of(own).high) for row, own in values.items()}
+
+
+def label_rows(axes: Axes, rows: Sequence[str]) -> None:
+    """Write the names of rows along the vertical axis, the first on top."""
+    axes.set_yticks(range(len(rows)), rows)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.grid(visible=False, axis="y")
+    axes.tick_params(axis="y", length=0)
+
+
+def means_against_printed(axes: Axes, results: StudyResults, family: str, rows: Sequence[str]) -> None:
+    """Draw rebuilt means with the interval of single experiments, printed means as hollow markers."""
+    numbers = published(results)
+    for place, row in enumerate(rows):
+        values, color = per_world(results, family, row), stroke(row).color
+        if len(values) > 1:
+            low, high, _ = interval_of(values)
+            axes.plot(
+                [low, high], [place, place], color=color, linewidth=3.2, alpha=0.45, solid_capstyle="round"
+            )
+        axes.plot(values.mean(), place, "o", color=color)
+        printed = numbers.get((family, row), {}).get("mean_m")
+        if printed is not None:
+            axes.plot(
+                float(printed),
+                place,
+                "D",
+                markersize=7,
+                markerfacecolor="none",
+                markeredgecolor="#111111",
+                markeredgewidth=1.1,
+                zorder=4,
+            )
+    label_rows(axes, rows)
+    keep_in_reach(axes, *means_and_ends(results, family, rows))
+    axes.set_xlabel("mean position error (m)")
+    axes.plot([], [], "o", color=GREY, label="rebuilt mean")
+    axes.plot([], [], color=GREY, linewidth=3.2, alpha=0.45, label="95 % of single experiments")
+    axes.plot(
+        [], [], "D", markersize=7, markerfacecolor="none", markeredgecolor="#111111", label="printed mean"
+    )
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=3, borderaxespad=0.2)
+
+
+def means_alt(results: StudyResults, family: str, rows: Sequence[str]) -> str:
+    """Return in words what a figure of mean errors shows."""
+    numbers = published(results)
+    parts = []
+    for row in rows:
+        printed = numbers.get((family, row), {}).get("mean_m")
+        mean = per_world(results, family, row).mean()
+        parts.append(f"{row} {mean:.2f} m" + (f" (printed {printed} m)" if printed else ""))
+    return f"Mean error, {family}: " + ", ".join(parts) + "."
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A sweep as it is drawn: the metric's mean over worlds and where single experiments lie."""
+
+    name: str
+    setting: str
+    values: np.ndarray[Any, Any]
+    mean_m: np.ndarray[Any, Any]
+    low_m: np.ndarray[Any, Any]
+    high_m: np.ndarray[Any, Any]
+    worlds: int
+
+    @property
+    def best(self) -> float:
+        """The value of the setting at which the mean over worlds is smallest."""
+        return float(self.values[int(np.argmin(self.mean_m))])
+
+
+def curve(results: StudyResults, sweep: str) -> Curve:
+    """Return a sweep over the first family, ready for drawing."""
+    family = measured_families(results)[0]
+    own = results.measures[results.measures["family"] == family]
+    frame = replace(results, measures=own).curve(sweep)
+    numbers = frame.to_numpy(dtype=float)
+    ends = np.asarray([interval_of(line[~np.isnan(line)])[:2] for line in numbers])
+    return Curve(
+        name=sweep,
+        setting=results.sweeps[sweep][0],
+        values=frame.index.to_numpy(dtype=float),
+        mean_m=np.nanmean(numbers, axis=1),
+        low_m=ends[:, 0],
+        high_m=ends[:, 1],
+        worlds=frame.shape[1],
+    )
+
+
+def sweep_panel(
+    axes: Axes,
+    line: Curve,
+    *,
+    color: str,
+    label: str,
+    optimum: str | None = None,
+    printed_mean: str | None = None,
+) -> None:
+    """Draw a sweep with its band, the printed optimum as a labelled line and the printed mean on it.
+
+    Parameters
+    ----------
+    axes
+        Where to draw.
+    line
+        The sweep.
+    color
+        The algorithm's colour.
+    label
+        Name and unit of the setting.
+    optimum
+        The printed best value of the setting.
+    printed_mean
+        The printed mean error at that value, metres.
+    """
+    axes.fill_between(line.values, line.low_m, line.high_m, color=color, alpha=0.16, linewidth=0)
+    axes.plot(line.values, line.mean_m, "o-", color=color)
+    best = int(np.argmin(line.mean_m))
+    axes.plot(
+        line.values[best], line.mean_m[best], "o", markersize=9, markerfacecolor="none", markeredgecolor=color
+    )
+    low, high = float(line.low_m.min()), float(line.high_m.max())
+    if printed_mean is not None:
+        low, high = min(low, float(printed_mean)), max(high, float(printed_mean))
+    pad = 0.06 * (high - low) or 0.1
+    axes.set_ylim(low - pad, high + 3.2 * pad)
+    if optimum is not None:
+        place = float(optimum)
+        axes.axvline(place, color="#111111", linestyle="--", linewidth=1.0)
+        right = place > (line.values[0] + line.values[-1]) / 2
+        axes.annotate(
+            f"printed optimum {optimum}",
+            (place, 0.985),
+            xycoords=("data", "axes fraction"),
+            xytext=(-4 if right else 4, 0),
+            textcoords="offset points",
+            fontsize=8,
+            ha="right" if right else "left",
+            va="top",
+        )
+        if printed_mean is not None:
+            axes.plot(
+                place,
+                float(printed_mean),
+                "D",
+                markersize=7,
+                markerfacecolor="white",
+                markeredgecolor="#111111",
+                zorder=4,
+            )
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlabel(label)
+    axes.set_ylabel("mean position error (m)")
+
+
+def differences(results: StudyResults, family: str, reference: str) -> pd.DataFrame:
+    """Return paired differences of all rows of a family to one of them, in the order of the table."""
+    against = results.errors(reference)
+    parts = []
+    for row in measured_rows(results, family):
+        if row != reference:
+            found = paired({row: results.errors(row), reference: against}, [row, reference])
+            parts.append(found[(found["family"] == family) & (found["algorithm"] == row)])
+    return pd.concat(parts, ignore_index=True)
+
+
+def difference_panel(axes: Axes, frame: pd.DataFrame, reference: str) -> None:
+    """Draw paired differences as dots with 95 % intervals of their mean."""
+    for place, line in enumerate(frame.to_dict("records")):
+        color = stroke(str(line["algorithm"])).color
+        axes.plot(line["difference_m"], place, "o", color=color)
+        if not math.isnan(line["low_m"]):
+            axes.plot([line["low_m"], line["high_m"]], [place, place], color=color, linewidth=2.4, alpha=0.6)
+    axes.axvline(0, color="#111111", linewidth=1.0)
+    label_rows(axes, [str(name) for name in frame["algorithm"]])
+    means = dict(zip(frame["algorithm"].astype(str), frame["difference_m"].astype(float), strict=True))
+    highs = dict(zip(means, frame["high_m"].fillna(frame["difference_m"]).astype(float), strict=True))
+    keep_in_reach(axes, means, highs)
+    axes.set_xlabel(f"mean error minus that of {reference} (m)\nleft of the line: better than {reference}")
+
+
+def inline_svg(text: str, name: str, alt: str) -> str:
+    """Return an SVG file's drawing as it may stand inside a page.
+
+    Declarations and metadata go, because a page needs none; names inside it get the figure's name in
+    front, because all figures of a page share one space of names.
+
+    Parameters
+    ----------
+    text
+        The file.
+    name
+        The figure.
+    alt
+        What is said to those who cannot see it.
+    """
+    body = text[text.index("<svg") :]
+    body = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", body, flags=re.DOTALL)
+    head, rest = body.split(">", 1)
+    head = re.sub(r"\s(xmlns(:\w+)?|width|height|version)=\"[^\"]*\"", "", head)
+    rest = rest.replace("xlink:href=", "href=")
+    rest = re.sub(r"\bid=\"([^\"]+)\"", rf'id="{name}-\1"', rest)
+    rest = re.sub(r"href=\"#([^\"]+)\"", rf'href="#{name}-\1"', rest)
+    rest = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", rest)
+    rest = re.sub(r"\n\s*", "\n", rest)
+    return f'{head} role="img" aria-label="{_attribute(alt)}">{rest.strip()}'
+
+
+def _attribute(text: str) -> str:
+    marks: Mapping[str, str] = {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"}
+    return "".join(marks.get(letter, letter) for letter in text)

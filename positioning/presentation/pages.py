@@ -1,0 +1,454 @@
+"""Pages for readers: one of each study, and the front page. Each is one file that needs no other."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from positioning.errors import InputError
+from positioning.evaluation.claims import VERDICTS
+from positioning.files import read_json
+from positioning.presentation import tables
+from positioning.presentation.figures import inline_svg
+from positioning.presentation.style import PALETTES, TONES, is_control
+from positioning.presentation.tables import HEADINGS, NOTHING, Row
+
+WORLDS_NEEDED = 39
+"""Fewer worlds than this cannot promise a 95 % interval of single experiments."""
+
+MAIN_FIGURES = ("table1", "mean_error")
+"""Names of the figure that stands for a study on the front page, first found first."""
+
+PREDICATES = {
+    "exact": ("is rebuilt to the last digit", "are rebuilt to the last digit"),
+    "reproduced": ("is reproduced", "are reproduced"),
+    "holds": ("holds", "hold"),
+    "depends": ("depends on the world", "depend on the world"),
+    "not reproduced": ("is not reproduced", "are not reproduced"),
+    "fails": ("fails", "fail"),
+    "contradicts itself": (
+        "contradicts the paper's own numbers or words",
+        "contradict the paper's own numbers or words",
+    ),
+    "calibrated": ("set a free setting and counts for nothing", "set free settings and count for nothing"),
+    "none given": ("has no printed number", "have no printed number"),
+    "not testable": ("cannot be tested here", "cannot be tested here"),
+    "undecided": ("is undecided for want of worlds", "are undecided for want of worlds"),
+}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A drawn figure as it goes into a page."""
+
+    name: str
+    title: str
+    caption: str
+    svg: Markup
+
+    @property
+    def heading(self) -> str:
+        """The paper's number, where the name says one, and the title."""
+        number = re.fullmatch(r"(fig|table)(\d+[a-z]?)", self.name)
+        place = {"fig": "Figure", "table": "Table"}[number[1]] + f" {number[2]}: " if number else ""
+        return place + self.title
+
+
+@dataclass(frozen=True)
+class Report:
+    """All that the page of a study says.
+
+    Attributes
+    ----------
+    study
+        Its name.
+    plan
+        ``title``, ``entries`` (settings by row), ``families`` (settings by family), ``recordings``,
+        ``worlds``, ``first_seed``, ``sweeps`` (setting and values by name), ``reference``, ``quick``.
+    table, paired, times, claims
+        As `tables.read_table` reads them.
+    pictures
+        Figures in their order.
+    paper
+        What the paper reports: settings, readings, claims.
+    calibration
+        One mapping a calibrated setting.
+    manifest
+        Commit, versions and whatever else names the build.
+    sources
+        The register of data sets; None where the study uses none.
+    """
+
+    study: str
+    plan: Mapping[str, Any]
+    table: pd.DataFrame
+    paired: pd.DataFrame
+    times: pd.DataFrame
+    claims: pd.DataFrame
+    pictures: Sequence[Picture]
+    paper: Mapping[str, Any]
+    calibration: Sequence[Mapping[str, Any]] = ()
+    manifest: Mapping[str, Any] = field(default_factory=dict)
+    sources: pd.DataFrame | None = None
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What the front page says of a study; ``page`` is the link to its own page."""
+
+    study: str
+    title: str
+    page: str
+    table: pd.DataFrame
+    paper: Mapping[str, Any]
+    pictures: Sequence[Picture]
+    quick: bool = False
+
+
+def read_pictures(folder: str | Path, study: str) -> list[Picture]:
+    """Read a folder of figures, in the order of its ``captions.json``.
+
+    Parameters
+    ----------
+    folder
+        As `positioning.presentation.figures.save` writes it.
+    study
+        Whose figures they are; keeps the figures of several studies apart on one page.
+
+    Raises
+    ------
+    InputError
+        Where a figure has no text for readers who cannot see it.
+    """
+    pictures = []
+    for line in read_json(Path(folder) / "captions.json"):
+        if not line["alt"].strip():
+            raise InputError(f"figure {line['name']}", "its alt text is empty", "Say in words what it shows")
+        text = (Path(folder) / f"{line['name']}.svg").read_text(encoding="utf-8")
+        svg = Markup(inline_svg(text, f"{study}-{line['name']}", line["alt"]))
+        pictures.append(Picture(line["name"], line["title"], line["caption"], svg))
+    return pictures
+
+
+def study_page(report: Report) -> str:
+    """Return the page of a study as HTML.
+
+    Parameters
+    ----------
+    report
+        What it says.
+    """
+    rows = tables.rows_of(report.table, report.claims, report.paper)
+    kinds = {claim["id"]: claim["kind"] for claim in report.paper.get("claims", [])}
+    return (
+        _environment()
+        .get_template("study.html")
+        .render(
+            title=report.plan["title"],
+            study=report.study,
+            plan=report.plan,
+            paper=report.paper,
+            answer=answer(report.claims, worlds_in_words(report.plan)),
+            counts=tables.counts(report.claims),
+            families=[_family(name, rows, report) for name in tables.families(report.table)],
+            calibration=report.calibration,
+            pictures=report.pictures,
+            claims=[_claim(line, kinds) for line in tables.records(report.claims)],
+            settings=_settings(report),
+            readings=report.paper.get("readings", {}).get(report.study, []),
+            entries=[_entry(name, value) for name, value in report.plan["entries"].items()],
+            manifest=flatten(report.manifest),
+            sources=_sources(report),
+            worlds=worlds_in_words(report.plan),
+            worlds_needed=WORLDS_NEEDED,
+        )
+    )
+
+
+def index_page(summaries: Sequence[Summary], claims: pd.DataFrame) -> str:
+    """Return the front page as HTML.
+
+    Parameters
+    ----------
+    summaries
+        One a study, in their order.
+    claims
+        The ledger of all studies.
+    """
+    verdicts = [verdict for verdict in VERDICTS if (claims["verdict"] == verdict).any()]
+    kinds = _kinds(summaries)
+    return (
+        _environment()
+        .get_template("index.html")
+        .render(
+            title="Reposition",
+            answer=answer(claims, f"in {len(summaries)} stud{'y' if len(summaries) == 1 else 'ies'}"),
+            verdicts=verdicts,
+            matrix=matrix(summaries, claims, verdicts),
+            studies=[_short(summary, claims) for summary in summaries],
+            claims=[_claim(line, kinds) for line in tables.records(claims)],
+            titles={summary.study: summary for summary in summaries},
+            quick=any(summary.quick for summary in summaries),
+            worlds_needed=WORLDS_NEEDED,
+        )
+    )
+
+
+def summary_markdown(summaries: Sequence[Summary], claims: pd.DataFrame) -> str:
+    """Return the short table of claims, and printed beside rebuilt means, as the README shows them.
+
+    Parameters
+    ----------
+    summaries, claims
+        As in `index_page`.
+    """
+    verdicts = [verdict for verdict in VERDICTS if (claims["verdict"] == verdict).any()]
+    lines = []
+    for summary in summaries:
+        own = claims[claims["study"] == summary.study]
+        found = tables.counts(own)
+        told = [str(found.get(verdict, 0) or NOTHING) for verdict in verdicts]
+        lines.append([tables.code(summary.study), str(len(own)), *told])
+    parts = tables.markdown(["study", "claims", *verdicts], lines)
+    for summary in summaries:
+        rows = tables.rows_of(summary.table, claims[claims["study"] == summary.study], summary.paper)
+        printed = [row for row in rows if row.cells and row.cells["mean_m"].printed]
+        if printed:
+            size = tables.size_of(printed)
+            parts += ["", f"Mean error, metres ({tables.code(summary.study)}; {size.rstrip('.')}):", ""]
+            parts += tables.markdown(
+                ["algorithm", "printed", "rebuilt", "95 % of single experiments", "verdict"],
+                [
+                    [tables.code(row.algorithm), cell.printed, cell.text, cell.span or NOTHING, cell.verdict]
+                    for row in printed
+                    for cell in [row.cells["mean_m"]]
+                ],
+            )
+    return "\n".join(parts) + "\n"
+
+
+def answer(claims: pd.DataFrame, where: str) -> str:
+    """Return the verdicts of a ledger in one sentence.
+
+    Parameters
+    ----------
+    claims
+        The ledger.
+    where
+        On what they were judged, in words.
+    """
+    found = tables.counts(claims)
+    if not found:
+        return f"No claim of the paper speaks of this study; the algorithms are compared {where}."
+    told = [f"{count} {PREDICATES.get(v, (v, v))[count != 1]}" for v, count in found.items()]
+    listed = told[0] if len(told) == 1 else ", ".join(told[:-1]) + " and " + told[-1]
+    return f"Of {len(claims)} claim{'s' * (len(claims) != 1)}, judged {where}, {listed}."
+
+
+def worlds_in_words(plan: Mapping[str, Any]) -> str:
+    """Return in words what a study runs on."""
+    if plan["recordings"]:
+        return f"on {len(plan['recordings'])} real recording{'s' * (len(plan['recordings']) != 1)}"
+    families = len(plan["families"])
+    return f"on {plan['worlds']} synthetic worlds" + (f" of {families} families each" if families > 1 else "")
+
+
+def matrix(
+    summaries: Iterable[Summary], claims: pd.DataFrame, verdicts: Sequence[str]
+) -> list[dict[str, Any]]:
+    """Return counts of verdicts by study and kind of claim; ``level`` 0 to 4 is how dark a count is drawn.
+
+    Parameters
+    ----------
+    summaries, claims
+        As in `index_page`.
+    verdicts
+        The columns.
+    """
+    lines = []
+    for summary in summaries:
+        kinds = {claim["id"]: claim["kind"] for claim in summary.paper.get("claims", [])}
+        own = [line for line in tables.records(claims) if line["study"] == summary.study]
+        for kind in dict.fromkeys(kinds.get(line["claim"], "") for line in own):
+            found = [str(line["verdict"]) for line in own if kinds.get(line["claim"], "") == kind]
+            numbers = [found.count(verdict) for verdict in verdicts]
+            cells = [
+                {"verdict": v, "count": n, "level": -(-4 * n // max(len(found), 1))}
+                for v, n in zip(verdicts, numbers, strict=True)
+            ]
+            lines.append({"study": summary.study, "kind": kind, "cells": cells, "total": len(found)})
+    return lines
+
+
+def flatten(value: Any, name: str = "") -> list[tuple[str, str]]:
+    """Return nested mappings as pairs of a dotted name and a text, sorted by name."""
+    if isinstance(value, Mapping):
+        pairs = [
+            pair
+            for key in sorted(value)
+            for pair in flatten(value[key], f"{name}.{key}" if name else str(key))
+        ]
+        return pairs
+    return [(name, as_text(value))]
+
+
+def as_text(value: Any) -> str:
+    """Return a setting's value as a reader writes it."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} = {as_text(part)}" for key, part in value.items())
+    if isinstance(value, (list, tuple)):
+        return ", ".join(as_text(part) for part in value)
+    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("positioning.presentation"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters["tone"] = lambda verdict: TONES.get(verdict, "plain")
+    environment.filters["as_text"] = as_text
+    environment.globals["palettes"] = PALETTES
+    environment.globals["headings"] = HEADINGS
+    environment.globals["nothing"] = NOTHING
+    return environment
+
+
+def _family(name: str, rows: Sequence[Row], report: Report) -> dict[str, Any]:
+    """Return everything that is told of one family of worlds or one recording."""
+    own = [row for row in rows if row.family == name]
+    best = tables.best_row(own, report.plan["entries"])
+    competitors = list(dict.fromkeys([report.plan["reference"], *([best] if best else [])]))
+    return {
+        "name": name,
+        "rows": own,
+        "size": tables.size_of(own),
+        "paired": [
+            {"against": against, "is_best": against == best, "lines": lines}
+            for against in competitors
+            if (lines := _paired(report.paired, name, against))
+        ],
+        "times": _times(report, name, own),
+    }
+
+
+def _paired(frame: pd.DataFrame, family: str, against: str) -> list[dict[str, Any]]:
+    own = frame[(frame["family"] == family) & (frame["against"] == against)]
+    return [
+        {
+            "algorithm": line["algorithm"],
+            "difference": tables.decimals(line["difference_m"], least=3),
+            "span": " to ".join(tables.decimals(line[end], least=3) for end in ("low_m", "high_m")),
+            "share": f"{100 * line['share_smaller']:.0f} %",
+            "n": int(line["n"]),
+            "unit": line["unit"] + "s",
+            "clear": "smaller" if line["high_m"] < 0 else "larger" if line["low_m"] > 0 else "open",
+        }
+        for line in tables.records(own)
+    ]
+
+
+def _times(report: Report, family: str, rows: Sequence[Row]) -> list[dict[str, Any]]:
+    own = report.times[(report.times["family"] == family) & report.times["value"].isna()]
+    median_s = own.groupby("algorithm")["seconds"].median()
+    return [
+        {"algorithm": row.algorithm, "seconds": _seconds(float(median_s.loc[row.algorithm]))}
+        for row in rows
+        if row.algorithm in median_s.index
+    ]
+
+
+def _seconds(seconds: float) -> str:
+    return f"{seconds:.3g}" if seconds < 100 else f"{seconds:.0f}"
+
+
+def _claim(line: Mapping[str, Any], kinds: Mapping[str, str]) -> dict[str, Any]:
+    printed, kind = str(line["printed"]), kinds.get(str(line["claim"]), "")
+    share = kind in ("ordering", "ratio", "bound")
+    rebuilt, low, high = (float(line[name]) for name in ("rebuilt", "low", "high"))
+    return {
+        **line,
+        "kind": kind,
+        "printed": f"{printed} {line['unit']}".strip() if printed else "",
+        "rebuilt": f"{100 * rebuilt:.0f} % of worlds"
+        if share and rebuilt == rebuilt
+        else tables.decimals(rebuilt, printed),
+        "span": f"{100 * low:.0f} to {100 * high:.0f} %"
+        if share and low == low
+        else tables.span(low, high, printed),
+        "worlds": tables.worlds_text(line["worlds"]),
+    }
+
+
+def _kinds(summaries: Iterable[Summary]) -> dict[str, str]:
+    return {claim["id"]: claim["kind"] for summary in summaries for claim in summary.paper.get("claims", [])}
+
+
+def _settings(report: Report) -> dict[str, list[dict[str, Any]]]:
+    """Return the settings in two lists: what the paper reports, and what had to be assumed."""
+    calibrated = {step["setting"]: step["value"] for step in report.calibration}
+    found: dict[str, list[dict[str, Any]]] = {"reported": [], "assumed": []}
+    for name, setting in report.paper.get("settings", {}).get(report.study, {}).items():
+        used = {
+            as_text(calibrated.get(name, values[name]))
+            for values in report.plan["families"].values()
+            if name in values
+        }
+        value = as_text(setting["value"])
+        found["assumed" if setting.get("assumed") else "reported"].append(
+            {
+                "name": name,
+                "value": value,
+                "unit": setting["unit"],
+                "where": setting.get("where", setting.get("why", "")),
+                "used": "; ".join(sorted(used - {value})),
+                "calibrated": name in calibrated,
+            }
+        )
+    return found
+
+
+def _entry(name: str, value: Mapping[str, Any]) -> dict[str, Any]:
+    parameters = value.get("parameters", {k: v for k, v in value.items() if k not in ("use", "protocol")})
+    return {
+        "name": name,
+        "use": value.get("use", name),
+        "parameters": as_text(parameters),
+        "protocol": tables.protocol(value),
+        "is_control": is_control(name),
+    }
+
+
+def _sources(report: Report) -> list[dict[str, Any]]:
+    if report.sources is None:
+        return []
+    used = {options["source"] for options in report.plan["recordings"].values()}
+    return [line for line in tables.records(report.sources) if line["source"] in used]
+
+
+def _short(summary: Summary, claims: pd.DataFrame) -> dict[str, Any]:
+    own = claims[claims["study"] == summary.study]
+    rows = tables.rows_of(summary.table, own, summary.paper)
+    families = tables.families(summary.table)
+    algorithms = list(dict.fromkeys(row.algorithm for row in rows))
+    by_place = {(row.algorithm, row.family): row for row in rows}
+    order = [name for name in MAIN_FIGURES if any(p.name == name for p in summary.pictures)]
+    main = next((p for p in summary.pictures if order and p.name == order[0]), None)
+    return {
+        "summary": summary,
+        "answer": answer(own, "on the worlds of this study") if len(own) else "",
+        "families": families,
+        "lines": [(name, [by_place.get((name, family)) for family in families]) for name in algorithms],
+        "picture": main or (summary.pictures[0] if summary.pictures else None),
+    }

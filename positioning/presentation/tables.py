@@ -1,0 +1,398 @@
+"""Tables of a study: rebuilt numbers beside printed ones, as Markdown, as LaTeX and for pages."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from decimal import Decimal
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from positioning.evaluation.claims import VERDICTS
+from positioning.presentation.style import is_control
+
+TEXT = {
+    "algorithm",
+    "family",
+    "against",
+    "unit",
+    "note",
+    "claim",
+    "paper",
+    "study",
+    "where",
+    "what",
+    "printed",
+    "verdict",
+    "reason",
+    "source",
+    "file",
+    "kind",
+    "licence",
+    "version",
+    "sha256",
+    "where_from",
+    "cite",
+}
+"""Columns of words and of printed digits, in all tables that are read."""
+
+HEADINGS = {
+    "mean_m": "mean",
+    "p50_m": "50 %",
+    "p75_m": "75 %",
+    "p90_m": "90 %",
+    "p95_m": "95 %",
+    "se_m": "standard error",
+    "rmse_m": "RMSE",
+    "max_m": "largest",
+}
+"""Metrics in the order of the columns; all are metres."""
+
+MARKS = {
+    "reproduced": "r",
+    "not reproduced": "n",
+    "calibrated": "c",
+    "undecided": "u",
+    "exact": "e",
+    "none given": "o",
+}
+"""The letter behind a number in a LaTeX table, for verdicts that a number can have."""
+
+NOTHING = "\N{EN DASH}"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One metric of one row: rebuilt, where single experiments lie, printed, and the verdict on it."""
+
+    rebuilt: float
+    low: float = math.nan
+    high: float = math.nan
+    printed: str = ""
+    verdict: str = ""
+    reason: str = ""
+
+    @property
+    def text(self) -> str:
+        """The rebuilt number."""
+        return decimals(self.rebuilt, self.printed)
+
+    @property
+    def span(self) -> str:
+        """The interval, empty where there is none."""
+        return span(self.low, self.high, self.printed)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One algorithm on one family of worlds or one recording; ``note`` says why it did not run."""
+
+    algorithm: str
+    family: str
+    worlds: int
+    samples: int
+    cells: dict[str, Cell] = field(default_factory=dict)
+    sd_worlds: str = NOTHING
+    note: str = ""
+
+
+def read_table(path: str | Path) -> pd.DataFrame:
+    """Read a CSV table of the workflow: printed digits stay as they are, other numbers become numbers.
+
+    Parameters
+    ----------
+    path
+        The file; columns of words and of printed digits are kept as text, empty where empty.
+    """
+    frame = pd.read_csv(path, dtype=str, keep_default_na=False)
+    for name in frame.columns:
+        if name not in TEXT and not name.startswith("published_"):
+            frame[name] = pd.to_numeric(frame[name], errors="coerce")
+    return frame
+
+
+def records(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return a frame's lines as mappings of column names to values."""
+    return [{str(name): value for name, value in line.items()} for line in frame.to_dict("records")]
+
+
+def families(table: pd.DataFrame) -> list[str]:
+    """Return the families of a table in their order."""
+    return list(dict.fromkeys(str(family) for family in table["family"]))
+
+
+def rows_of(table: pd.DataFrame, claims: pd.DataFrame, paper: Mapping[str, Any]) -> list[Row]:
+    """Return the rows of a study's table, each number with the printed one and its verdict.
+
+    Parameters
+    ----------
+    table
+        The study's table as `read_table` reads it.
+    claims
+        The study's ledger.
+    paper
+        What the paper reports; its value claims tell which verdict belongs to which number.
+    """
+    ledger = {str(line["claim"]): line for line in records(claims)}
+    order = families(table)
+    judged = {}
+    for claim in paper.get("claims", []):
+        quantity = claim.get("quantity", {})
+        if claim["kind"] == "value" and "algorithm" in quantity and claim["id"] in ledger and order:
+            family = quantity.get("family", order[0])
+            judged[(family, quantity["algorithm"], quantity["metric"])] = ledger[claim["id"]]
+    rows = []
+    for line in records(table):
+        algorithm, family = str(line["algorithm"]), str(line["family"])
+        if line["note"]:
+            rows.append(Row(algorithm=algorithm, family=family, worlds=0, samples=0, note=str(line["note"])))
+            continue
+        cells = {}
+        for metric in HEADINGS:
+            found = judged.get((family, algorithm, metric))
+            if found is not None:
+                cells[metric] = Cell(
+                    rebuilt=float(line[metric]),
+                    low=float(found["low"]),
+                    high=float(found["high"]),
+                    printed=str(found["printed"]),
+                    verdict=str(found["verdict"]),
+                    reason=str(found["reason"]),
+                )
+            elif metric == "mean_m":
+                cells[metric] = Cell(
+                    float(line[metric]), float(line["mean_low_m"]), float(line["mean_high_m"])
+                )
+            else:
+                cells[metric] = Cell(float(line[metric]))
+        rows.append(
+            Row(
+                algorithm=algorithm,
+                family=family,
+                worlds=int(line["worlds"]),
+                samples=int(line["n"]),
+                cells=cells,
+                sd_worlds=decimals(float(line["sd_worlds_m"])),
+            )
+        )
+    return rows
+
+
+def counts(claims: pd.DataFrame) -> dict[str, int]:
+    """Return how often each verdict was given, in the order of the rules; none that was not."""
+    found = Counter(str(verdict) for verdict in claims["verdict"])
+    order = [*VERDICTS, *sorted(found.keys() - set(VERDICTS))]
+    return {verdict: found[verdict] for verdict in order if found[verdict]}
+
+
+def best_row(rows: Iterable[Row], entries: Mapping[str, Mapping[str, Any]]) -> str | None:
+    """Return the competing row of smallest mean error: no control, and no tested sample in training.
+
+    Parameters
+    ----------
+    rows
+        Rows of one family.
+    entries
+        Settings of the rows, as the configuration has them.
+    """
+    competing = [
+        row
+        for row in rows
+        if row.cells
+        and not is_control(row.algorithm)
+        and protocol(entries.get(row.algorithm, {})) != "resubstitution"
+    ]
+    return min(competing, key=lambda row: row.cells["mean_m"].rebuilt).algorithm if competing else None
+
+
+def protocol(entry: Mapping[str, Any]) -> str:
+    """Return how a row is tested where the configuration says so, else nothing."""
+    return str(entry.get("options", entry).get("protocol", ""))
+
+
+def decimals(value: float | None, printed: str = "", least: int = 2) -> str:
+    """Return a number with the decimals of the printed one, and at least ``least``; a true minus sign."""
+    if value is None or math.isnan(value):
+        return NOTHING
+    digits = max(least, -int(Decimal(printed).as_tuple().exponent)) if printed else least
+    return f"{value:.{digits}f}".replace("-", "\N{MINUS SIGN}")
+
+
+def span(low: float, high: float, printed: str = "") -> str:
+    """Return an interval in words, empty where there is none."""
+    if math.isnan(low) or math.isnan(high):
+        return ""
+    return f"{decimals(low, printed)} to {decimals(high, printed)}"
+
+
+def study_markdown(title: str, table: pd.DataFrame, claims: pd.DataFrame, paper: Mapping[str, Any]) -> str:
+    """Return a study's table as Markdown, one section a family.
+
+    Parameters
+    ----------
+    title
+        The study's title.
+    table, claims, paper
+        As in `rows_of`.
+    """
+    rows = rows_of(table, claims, paper)
+    parts = [f"# {plain(title)}", ""]
+    for family in families(table):
+        own = [row for row in rows if row.family == family]
+        parts += [f"## {plain(family)}", ""]
+        parts.append(
+            "Errors in metres: mean over worlds (central 95 % of single experiments), then the printed number"
+            f" and the verdict. {size_of(own)}"
+        )
+        parts.append("")
+        head = ["algorithm", *HEADINGS.values(), "sd over worlds", "note"]
+        lines = [
+            [
+                code(row.algorithm),
+                *(_markdown_cell(row.cells.get(m)) for m in HEADINGS),
+                row.sd_worlds,
+                plain(row.note),
+            ]
+            for row in own
+        ]
+        parts += [*markdown(head, lines), ""]
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def size_of(rows: Sequence[Row]) -> str:
+    """Return in words how many samples and worlds stand behind rows of one family."""
+    sizes = sorted({(row.samples, row.worlds) for row in rows if row.cells})
+    return "; ".join(
+        f"n = {n} samples in {'each of ' if w > 1 else ''}{w} world{'s' * (w > 1)}" for n, w in sizes
+    ) + ("." if sizes else "")
+
+
+def _markdown_cell(cell: Cell | None) -> str:
+    if cell is None:
+        return NOTHING
+    text = cell.text + (f" ({cell.span})" if cell.span else "")
+    return text + (f"; printed {cell.printed}: {cell.verdict}" if cell.printed else "")
+
+
+def ledger_markdown(claims: pd.DataFrame) -> str:
+    """Return the ledger of all claims as Markdown, one section a study."""
+    parts = ["# Claims", ""]
+    parts += [
+        "For an ordering, a ratio or a bound, the rebuilt number is the share of worlds in which it holds.",
+        "",
+    ]
+    for study in dict.fromkeys(str(name) for name in claims["study"]):
+        own = claims[claims["study"] == study]
+        told = ", ".join(f"{count} {verdict}" for verdict, count in counts(own).items())
+        head = ["claim", "where", "what", "printed", "rebuilt", "interval", "worlds", "verdict", "reason"]
+        parts += [f"## {plain(study)}", "", f"{len(own)} claims: {told}.", ""]
+        lines = []
+        for line in records(own):
+            printed = str(line["printed"])
+            unit = f" {line['unit']}" if line["unit"] and printed else ""
+            lines.append(
+                [
+                    code(str(line["claim"])),
+                    plain(str(line["where"])),
+                    plain(str(line["what"])),
+                    plain(printed + unit),
+                    decimals(float(line["rebuilt"]), printed),
+                    span(float(line["low"]), float(line["high"]), printed) or NOTHING,
+                    worlds_text(line["worlds"]),
+                    str(line["verdict"]),
+                    plain(str(line["reason"])),
+                ]
+            )
+        parts += [*markdown(head, lines), ""]
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def worlds_text(worlds: float) -> str:
+    """Return a number of worlds, a dash where none were asked."""
+    return NOTHING if math.isnan(float(worlds)) or not int(worlds) else str(int(worlds))
+
+
+def markdown(head: Sequence[str], lines: Iterable[Sequence[str]]) -> list[str]:
+    """Return the lines of a Markdown table whose cells are Markdown already."""
+    rule = ["---"] * len(head)
+    return ["| " + " | ".join(cells) + " |" for cells in (head, rule, *lines)]
+
+
+def plain(text: str) -> str:
+    """Return text so that Markdown shows it as it is, also inside a table."""
+    for letter, shown in (
+        ("\\", "\\\\"),
+        ("|", "\\|"),
+        ("*", "\\*"),
+        ("`", "\\`"),
+        ("&", "&amp;"),
+        ("<", "&lt;"),
+    ):
+        text = text.replace(letter, shown)
+    return " ".join(text.split())
+
+
+def code(name: str) -> str:
+    """Return a name set as code in Markdown."""
+    return "`" + name.replace("`", "'").replace("|", "\\|") + "`"
+
+
+def study_latex(
+    study: str, title: str, table: pd.DataFrame, claims: pd.DataFrame, paper: Mapping[str, Any]
+) -> str:
+    """Return a study's tables as LaTeX for the package booktabs, one table a family.
+
+    Parameters
+    ----------
+    study, title
+        Its name, which becomes the label, and its title.
+    table, claims, paper
+        As in `rows_of`.
+    """
+    rows = rows_of(table, claims, paper)
+    parts = ["% Needs \\usepackage{booktabs} and an input encoding of UTF-8."]
+    for family in families(table):
+        own = [row for row in rows if row.family == family]
+        printed = [m for m in HEADINGS if any(row.cells.get(m, Cell(math.nan)).printed for row in own)]
+        shown = [m for m in HEADINGS if m in printed or m in ("mean_m", "p50_m", "p75_m", "p90_m", "p95_m")]
+        letters = sorted({cell.verdict for row in own for cell in row.cells.values() if cell.verdict})
+        marks = ", ".join(f"$^{{{MARKS.get(verdict, '?')}}}$~{verdict}" for verdict in letters)
+        caption = f"{latex(title)} ({latex(family)}): position errors in metres. {latex(size_of(own))}"
+        caption += f" Printed numbers, then rebuilt means over worlds; {marks}." if printed else ""
+        groups = [f"\\multicolumn{{{1 + (m in printed)}}}{{c}}{{{latex(HEADINGS[m])}}}" for m in shown]
+        under = [part for m in shown for part in (["printed", "rebuilt"] if m in printed else ["rebuilt"])]
+        columns = "l" + "r" * len(under) + "l"
+        parts += [
+            "\\begin{table}",
+            "\\centering",
+            f"\\caption{{{caption}}}",
+            f"\\label{{tab:{study}:{family}}}".replace("_", "-"),
+            f"\\begin{{tabular}}{{{columns}}}",
+            "\\toprule",
+            " & ".join(["", *groups, "mean of single"]) + " \\\\",
+            " & ".join(["algorithm", *under, "experiments, 95\\,\\%"]) + " \\\\",
+            "\\midrule",
+        ]
+        for row in own:
+            name = f"\\texttt{{{latex(row.algorithm)}}}"
+            if row.note:
+                parts.append(f"{name} & \\multicolumn{{{len(under) + 1}}}{{l}}{{{latex(row.note)}}} \\\\")
+                continue
+            cells = []
+            for metric in shown:
+                cell = row.cells[metric]
+                mark = f"$^{{{MARKS.get(cell.verdict, '?')}}}$" if cell.verdict else ""
+                cells += [cell.printed] * (metric in printed) + [latex(cell.text) + mark]
+            parts.append(" & ".join([name, *cells, latex(row.cells["mean_m"].span)]) + " \\\\")
+        parts += ["\\bottomrule", "\\end{tabular}", "\\end{table}", ""]
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def latex(text: str) -> str:
+    """Return text so that LaTeX shows it as it is."""
+    special = {letter: f"\\{letter}" for letter in "&%$#_{}"}
+    special |= {"\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}"}
+    special |= {"<": "\\textless{}", ">": "\\textgreater{}", "\N{MINUS SIGN}": "$-$", NOTHING: "--"}
+    return "".join(special.get(letter, letter) for letter in text)

@@ -1,0 +1,57 @@
+"""Write the page of a study, and its table as Markdown and LaTeX."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from positioning.files import read_json, read_yaml, write_text
+from positioning.presentation import pages, tables
+
+
+def main(
+    study: str, inputs: Mapping[str, str | None], plan: Mapping[str, Any], output: Mapping[str, str]
+) -> None:
+    """Write three files, ``html``, ``md`` and ``tex``.
+
+    Parameters
+    ----------
+    study
+        Its name.
+    inputs
+        ``table``, ``paired``, ``times``, ``claims``, ``figures`` (the folder), ``paper``, ``manifest``; and
+        ``calibration`` and ``sources``, or None.
+    plan
+        As in `positioning.presentation.pages.Report`.
+    output
+        The three files.
+    """
+    table, paired, times, claims = (
+        tables.read_table(str(inputs[name])) for name in ("table", "paired", "times", "claims")
+    )
+    paper = read_yaml(str(inputs["paper"]))
+    report = pages.Report(
+        study=study,
+        plan=plan,
+        table=table,
+        paired=paired,
+        times=times,
+        claims=claims,
+        pictures=pages.read_pictures(str(inputs["figures"]), study),
+        paper=paper,
+        calibration=read_json(inputs["calibration"]) if inputs.get("calibration") else [],
+        manifest=read_json(str(inputs["manifest"])),
+        sources=tables.read_table(inputs["sources"]) if inputs.get("sources") else None,
+    )
+    write_text(output["html"], pages.study_page(report))
+    write_text(output["md"], tables.study_markdown(plan["title"], table, claims, paper))
+    write_text(output["tex"], tables.study_latex(study, plan["title"], table, claims, paper))
+
+
+if __name__ == "__main__":
+    from snakemake.script import snakemake
+
+    main(
+        snakemake.wildcards.study,
+        {name: snakemake.input.get(name) or None for name in snakemake.input.keys()},  # noqa: SIM118
+        snakemake.params.plan,
+        dict(snakemake.output.items()),
+    )
