@@ -243,7 +243,8 @@ def test_fingerprints_that_do_not_fit_are_refused(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_skip_gives_no_reason_here(name: str) -> None:
     skip = getattr(algorithm_class(name), "skip", None)
-    assert skip is None or skip(SURVEY, SITE) is None
+    shown = (SURVEY, SITE, TRUTH) if name == "control_oracle" else (SURVEY, SITE)
+    assert skip is None or skip(*shown) is None
 
 
 def test_skip_names_what_is_missing() -> None:
@@ -252,6 +253,7 @@ def test_skip_names_what_is_missing() -> None:
     many = Survey(rss_dbm=np.zeros((9000, 1)), position_m=np.zeros((9000, 2)))
     for cls in (RbfNetwork, RbfNetworkNearest, Template):
         assert "9000 fingerprints" in str(cls.skip(many, None))
+    assert "synthetic" in str(ControlOracle.skip(SURVEY, SITE, Truth(position_m=POSITION)))
 
 
 # Nearest neighbours

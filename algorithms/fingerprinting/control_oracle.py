@@ -8,7 +8,7 @@ from scipy.special import log_ndtr
 
 from positioning.errors import InputError
 from positioning.fingerprints import FingerprintRegressor
-from positioning.model import Array, Truth
+from positioning.model import Array, Site, Survey, Truth
 
 # Without any fading the probabilities below would be of a step.
 _LEAST_NOISE_DB = 1e-3
@@ -29,6 +29,12 @@ class ControlOracle(FingerprintRegressor):
 
     def __init__(self, *, truth: Truth | None = None) -> None:
         self.truth = truth
+
+    @staticmethod
+    def skip(survey: Survey, site: Site | None, truth: Truth | None = None) -> str | None:
+        """Tell why there is no such estimate for these data; None where there is one."""
+        known = truth is not None and truth.field_dbm is not None
+        return None if known else "the true radio field is known of synthetic worlds only"
 
     def fit(self, rss_dbm: ArrayLike, position_m: ArrayLike) -> Self:
         """Check that the truth is known; the survey teaches the oracle nothing.

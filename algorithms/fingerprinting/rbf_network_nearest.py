@@ -17,6 +17,7 @@ from positioning.model import Array, Site, Survey
 from positioning.radial_basis import estimate, fit_network, gaussian_kernel
 
 _LARGEST_KERNEL_BYTES = 2**29
+_NETWORKS_AT_ONCE = 512
 
 
 class RbfNetworkNearest(FingerprintRegressor):
@@ -97,8 +98,15 @@ class RbfNetworkNearest(FingerprintRegressor):
         nearest = nearest_members(distance_db, self.nearest, member, "nearest")
         chosen = np.zeros(distance_db.shape, dtype=bool)
         np.put_along_axis(chosen, nearest, True, axis=1)
-        network = fit_network(self.kernel_, self.position_m_, chosen, self.neurons)
-        return estimate(network, gaussian_kernel(distance_db, self.spread_db, self.kernel))
+        kernel = gaussian_kernel(distance_db, self.spread_db, self.kernel)
+        # Thousands of networks at once would take gigabytes.
+        slices = [slice(i, i + _NETWORKS_AT_ONCE) for i in range(0, len(chosen), _NETWORKS_AT_ONCE)]
+        return np.concatenate(
+            [
+                estimate(fit_network(self.kernel_, self.position_m_, chosen[part], self.neurons), kernel[part])
+                for part in slices
+            ]
+        )
 
     @staticmethod
     def skip(survey: Survey, site: Site | None) -> str | None:

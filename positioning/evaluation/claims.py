@@ -132,6 +132,12 @@ def per_world(measures: pd.DataFrame, quantity: Mapping[str, Any], name: str) ->
     return chosen.set_index("world")["x"].sort_index()
 
 
+def quantities(claim: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return all quantities that a claim speaks of, in its order."""
+    single = [claim[key] for key in ("quantity", "to") if key in claim]
+    return [*claim.get("quantities", []), *single]
+
+
 def _judge_one(
     claim: Mapping[str, Any],
     claims: Sequence[Mapping[str, Any]],
@@ -141,6 +147,10 @@ def _judge_one(
     kind = claim["kind"]
     if kind == "words":
         return _row(verdict=claim.get("verdict", "not testable"), reason=claim["reason"])
+    absent = {q.get("algorithm", q.get("sweep")) for q in quantities(claim)} - set(measures["algorithm"])
+    if absent:
+        names = ", ".join(sorted(map(str, absent)))
+        return _row(verdict="not testable", reason=f"the configuration has no row or sweep named {names}")
     if kind in ("value", "exact", "none"):
         values = per_world(measures, claim["quantity"], claim["id"]).to_numpy(dtype=float)
         if claim["id"] in calibrated:
@@ -183,15 +193,13 @@ def _condition(
     claim: Mapping[str, Any], claims: Sequence[Mapping[str, Any]], measures: pd.DataFrame
 ) -> dict[str, Any]:
     """Judge an ordering, a ratio or a bound by the share of worlds in which it holds."""
-    quantities = claim["quantities"] if claim["kind"] == "ordering" else [claim["quantity"]]
-    quantities = [*quantities, *([claim["to"]] if claim["kind"] == "ratio" else [])]
-    columns = pd.concat([per_world(measures, q, claim["id"]) for q in quantities], axis=1, join="inner")
+    columns = pd.concat([per_world(measures, q, claim["id"]) for q in quantities(claim)], axis=1, join="inner")
     met = np.asarray([_holds(claim, row) for row in columns.to_numpy(dtype=float)])
     successes, n = int(met.sum()), len(met)
     interval, share = share_interval(successes, n), successes / n
     verdict = "holds" if share >= CONFIDENCE else "fails" if share <= 1 - CONFIDENCE else "depends"
     reason = f"true in {successes} of {n} worlds"
-    own = [_printed_number(q, claims) for q in quantities]
+    own = [_printed_number(q, claims) for q in quantities(claim)]
     if all(number is not None for number in own):
         numbers = [float(number) for number in own if number is not None]
         arithmetic = _arithmetic(claim, [str(number) for number in own])

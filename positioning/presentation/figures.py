@@ -21,6 +21,7 @@ from positioning.evaluation.results import StudyResults
 from positioning.evaluation.statistics import Interval, single_experiment_interval
 from positioning.files import write_text
 from positioning.presentation.style import GREY, WIDTH_IN, drawing, is_control, stroke
+from positioning.presentation.tables import central
 
 PERCENTILES = {"p50_m": 50, "p75_m": 75, "p90_m": 90, "p95_m": 95}
 _LEVELS = np.linspace(0, 100, 201)
@@ -125,7 +126,7 @@ def default_figures(results: StudyResults) -> list[Drawn]:
             name="mean_error",
             figure=figure,
             title="Mean error",
-            caption="Mean position error; the line is the central 95 % of single experiments. "
+            caption="Mean position error; the line is where single experiments lie. "
             + "; ".join(f"{family}: {counted(results, family)}" for family in families)
             + ".",
             alt="; ".join(means_alt(results, family, measured_rows(results, family)) for family in families),
@@ -326,7 +327,9 @@ def means_against_printed(axes: Axes, results: StudyResults, family: str, rows: 
     keep_in_reach(axes, *means_and_ends(results, family, rows))
     axes.set_xlabel("mean position error (m)")
     axes.plot([], [], "o", color=GREY, label="rebuilt mean")
-    axes.plot([], [], color=GREY, linewidth=3.2, alpha=0.45, label="95 % of single experiments")
+    axes.plot(
+        [], [], color=GREY, linewidth=3.2, alpha=0.45, label=central(len(per_world(results, family, rows[0])))
+    )
     axes.plot(
         [], [], "D", markersize=7, markerfacecolor="none", markeredgecolor="#111111", label="printed mean"
     )

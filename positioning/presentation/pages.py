@@ -164,6 +164,7 @@ def study_page(report: Report) -> str:
             entries=[_entry(name, value) for name, value in report.plan["entries"].items()],
             manifest=flatten(report.manifest),
             sources=_sources(report),
+            sweeps=_sweeps(report.plan["sweeps"]),
             worlds=worlds_in_words(report.plan),
             worlds_needed=WORLDS_NEEDED,
         )
@@ -222,7 +223,7 @@ def summary_markdown(summaries: Sequence[Summary], claims: pd.DataFrame) -> str:
             size = tables.size_of(printed)
             parts += ["", f"Mean error, metres ({tables.code(summary.study)}; {size.rstrip('.')}):", ""]
             parts += tables.markdown(
-                ["algorithm", "printed", "rebuilt", "95 % of single experiments", "verdict"],
+                ["algorithm", "printed", "rebuilt", tables.central(tables.most_worlds(printed)), "verdict"],
                 [
                     [tables.code(row.algorithm), cell.printed, cell.text, cell.span or NOTHING, cell.verdict]
                     for row in printed
@@ -302,10 +303,13 @@ def as_text(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, Mapping):
-        return ", ".join(f"{key} = {as_text(part)}" for key, part in value.items())
+        return ", ".join(
+            f"{key} = {'(' + as_text(part) + ')' if isinstance(part, Mapping) else as_text(part)}"
+            for key, part in value.items()
+        )
     if isinstance(value, (list, tuple)):
         return ", ".join(as_text(part) for part in value)
-    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+    return "none" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _environment() -> Environment:
@@ -334,6 +338,7 @@ def _family(name: str, rows: Sequence[Row], report: Report) -> dict[str, Any]:
         "name": name,
         "rows": own,
         "size": tables.size_of(own),
+        "central": tables.central(tables.most_worlds(own)),
         "paired": [
             {"against": against, "is_best": against == best, "lines": lines}
             for against in competitors
@@ -353,7 +358,7 @@ def _paired(frame: pd.DataFrame, family: str, against: str) -> list[dict[str, An
             "share": f"{100 * line['share_smaller']:.0f} %",
             "n": int(line["n"]),
             "unit": line["unit"] + "s",
-            "clear": "smaller" if line["high_m"] < 0 else "larger" if line["low_m"] > 0 else "open",
+            "outcome": "smaller" if line["high_m"] < 0 else "larger" if line["low_m"] > 0 else "open",
         }
         for line in tables.records(own)
     ]
@@ -430,6 +435,12 @@ def _entry(name: str, value: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+def _sweeps(sweeps: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Return name, setting and values of each sweep; a plan may give all settings, or these two alone."""
+    over = {name: value["over"] if isinstance(value, Mapping) else value for name, value in sweeps.items()}
+    return [{"name": n, "setting": setting, "over": as_text(points)} for n, (setting, points) in over.items()]
+
+
 def _sources(report: Report) -> list[dict[str, Any]]:
     if report.sources is None:
         return []
@@ -449,6 +460,7 @@ def _short(summary: Summary, claims: pd.DataFrame) -> dict[str, Any]:
         "summary": summary,
         "answer": answer(own, "on the worlds of this study") if len(own) else "",
         "families": families,
+        "central": tables.central(tables.most_worlds(rows)),
         "lines": [(name, [by_place.get((name, family)) for family in families]) for name in algorithms],
         "picture": main or (summary.pictures[0] if summary.pictures else None),
     }

@@ -8,9 +8,11 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from positioning.evaluation.claims import VERDICTS
+from positioning.evaluation.statistics import single_experiment_interval
 from positioning.presentation.style import is_control
 
 TEXT = {
@@ -227,6 +229,20 @@ def span(low: float, high: float, printed: str = "") -> str:
     return f"{decimals(low, printed)} to {decimals(high, printed)}"
 
 
+def central(worlds: int) -> str:
+    """Return in words what an interval of single experiments covers with that many worlds.
+
+    Few worlds cannot promise 95 %; saying so would be untrue.
+    """
+    coverage = single_experiment_interval(np.zeros(max(worlds, 1))).coverage
+    return f"central {100 * coverage:.0f} % of single experiments"
+
+
+def most_worlds(rows: Iterable[Row]) -> int:
+    """Return the number of worlds behind rows."""
+    return max((row.worlds for row in rows), default=0)
+
+
 def study_markdown(title: str, table: pd.DataFrame, claims: pd.DataFrame, paper: Mapping[str, Any]) -> str:
     """Return a study's table as Markdown, one section a family.
 
@@ -243,7 +259,7 @@ def study_markdown(title: str, table: pd.DataFrame, claims: pd.DataFrame, paper:
         own = [row for row in rows if row.family == family]
         parts += [f"## {plain(family)}", ""]
         parts.append(
-            "Errors in metres: mean over worlds (central 95 % of single experiments), then the printed number"
+            f"Errors in metres: mean over worlds ({central(most_worlds(own))}), then the printed number"
             f" and the verdict. {size_of(own)}"
         )
         parts.append("")
@@ -371,8 +387,8 @@ def study_latex(
             f"\\label{{tab:{study}:{family}}}".replace("_", "-"),
             f"\\begin{{tabular}}{{{columns}}}",
             "\\toprule",
-            " & ".join(["", *groups, "mean of single"]) + " \\\\",
-            " & ".join(["algorithm", *under, "experiments, 95\\,\\%"]) + " \\\\",
+            " & ".join(["", *groups, "mean,"]) + " \\\\",
+            " & ".join(["algorithm", *under, latex(central(most_worlds(own)))]) + " \\\\",
             "\\midrule",
         ]
         for row in own:

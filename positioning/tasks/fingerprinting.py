@@ -91,10 +91,11 @@ def run(
         if survey is None:
             raise InputError("observed worlds", "they hold no survey", "Give fingerprinting a study with surveys")
         survey.check()
-        skip = getattr(make.algorithm_class, "skip", None)  # type: ignore[attr-defined]
-        if skip is not None and (reason := skip(survey, site)):
-            return Outcome(skipped=str(reason))
         seen = Truth.from_arrays(world(truth, index)) if truth is not None else None
+        skip = getattr(make.algorithm_class, "skip", None)  # type: ignore[attr-defined]
+        shown = (survey, site) if seen is None else (survey, site, seen)
+        if skip is not None and (reason := skip(*shown)):
+            return Outcome(skipped=str(reason))
         algorithm = make(site=site, truth=seen, random_state=int(rng.integers(2**31)))
         protocol = options.get("protocol") or ("leave_one_out" if query is None else "survey_to_query")
         start = perf_counter()

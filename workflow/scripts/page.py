@@ -4,13 +4,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from positioning.files import read_json, read_yaml, write_text
+from positioning.joblog import logging_to
 from positioning.presentation import pages, tables
 
 
 def main(
     study: str, inputs: Mapping[str, str | None], plan: Mapping[str, Any], output: Mapping[str, str]
 ) -> None:
-    """Write three files, ``html``, ``md`` and ``tex``.
+    """Write three files, ``html``, ``markdown`` and ``latex``.
 
     Parameters
     ----------
@@ -27,6 +28,7 @@ def main(
     table, paired, times, claims = (
         tables.read_table(str(inputs[name])) for name in ("table", "paired", "times", "claims")
     )
+    calibration, sources = inputs.get("calibration"), inputs.get("sources")
     paper = read_yaml(str(inputs["paper"]))
     report = pages.Report(
         study=study,
@@ -37,21 +39,23 @@ def main(
         claims=claims,
         pictures=pages.read_pictures(str(inputs["figures"]), study),
         paper=paper,
-        calibration=read_json(inputs["calibration"]) if inputs.get("calibration") else [],
+        calibration=read_json(calibration) if calibration else [],
         manifest=read_json(str(inputs["manifest"])),
-        sources=tables.read_table(inputs["sources"]) if inputs.get("sources") else None,
+        sources=tables.read_table(sources) if sources else None,
     )
     write_text(output["html"], pages.study_page(report))
-    write_text(output["md"], tables.study_markdown(plan["title"], table, claims, paper))
-    write_text(output["tex"], tables.study_latex(study, plan["title"], table, claims, paper))
+    write_text(output["markdown"], tables.study_markdown(plan["title"], table, claims, paper))
+    write_text(output["latex"], tables.study_latex(study, plan["title"], table, claims, paper))
 
 
 if __name__ == "__main__":
-    from snakemake.script import snakemake
-
-    main(
-        snakemake.wildcards.study,
-        {name: snakemake.input.get(name) or None for name in snakemake.input.keys()},  # noqa: SIM118
-        snakemake.params.plan,
-        dict(snakemake.output.items()),
-    )
+    with logging_to(snakemake.log[0]):
+        optional = {name: snakemake.input.get(name) or None for name in ("calibration", "sources")}
+        if snakemake.params.plan["recordings"]:
+            optional["sources"] = optional["sources"] or "data/sources.csv"
+        main(
+            snakemake.wildcards.study,
+            {**dict(snakemake.input.items()), **optional},
+            snakemake.params.plan,
+            dict(snakemake.output.items()),
+        )

@@ -12,6 +12,7 @@ from positioning.evaluation.results import StudyResults
 from positioning.presentation import figures
 from positioning.presentation.figures import Drawn
 from positioning.presentation.style import stroke
+from positioning.presentation.tables import central
 
 REFERENCE = "wknn"
 
@@ -135,8 +136,9 @@ def _sweep(results: StudyResults, family: str, name: str) -> Drawn:
         name=sweep.figure,
         figure=figure,
         title=sweep.title,
-        caption=f"Mean error over {line.worlds} worlds against {sweep.label}; band: central 95 % of single"
-        f" experiments; ring: smallest mean, at {line.best:g}.{printed} {_sized(results, family)}, each world.",
+        caption=f"Mean error over {line.worlds} worlds against {sweep.label}; band:"
+        f" {central(line.worlds)}; ring: smallest mean, at {line.best:g}.{printed}"
+        f" {_sized(results, family)}, each world.",
         alt=f"Mean error against {sweep.label}: "
         + ", ".join(f"{m:.2f} m at {v:g}" for v, m in zip(line.values, line.mean_m, strict=True))
         + (f". The paper's optimum is {optimum}." if optimum else "."),
@@ -152,12 +154,14 @@ def _distribution(results: StudyResults, family: str, rows: list[str]) -> Drawn:
     ]
     figure = figures.new_figure(3.7 * len(groups))
     panels = np.atleast_1d(figure.subplots(len(groups), 1, sharex=True))
+    reaches_m = []
     for axes, (title, group) in zip(panels, groups, strict=True):
         figures.distribution(axes, results, family, group)
         figures.legend_beside(axes)
         axes.set_title(title)
-    reach = max(axes.get_xlim()[1] for axes in panels) if len(groups) == 1 else panels[0].get_xlim()[1]
-    panels[0].set_xlim(0, min(reach, max(axes.get_xlim()[1] for axes in panels)))
+        reaches_m.append(axes.get_xlim()[1])
+    # The panels share an axis, and the paper's rows decide how far it goes.
+    panels[0].set_xlim(0, reaches_m[0])
     return Drawn(
         name="fig3",
         figure=figure,
@@ -177,8 +181,9 @@ def _table(results: StudyResults, family: str, rows: list[str]) -> Drawn:
         name="table1",
         figure=figure,
         title="Printed means beside rebuilt ones",
-        caption="Dot: mean error over worlds; bar: central 95 % of single experiments; hollow diamond: the mean"
-        f" printed in Table 1, where there is one. {_sized(results, family)}, {_worlds(results, family)} worlds.",
+        caption=f"Dot: mean error over worlds; bar: {central(_worlds(results, family))}; hollow diamond:"
+        f" the mean printed in Table 1, where there is one. {_sized(results, family)},"
+        f" {_worlds(results, family)} worlds.",
         alt=figures.means_alt(results, family, rows),
     )
 
@@ -191,8 +196,8 @@ def _paired(results: StudyResults, family: str, reference: str) -> Drawn:
         name="paired",
         figure=figure,
         title=f"Paired differences to {reference}",
-        caption=f"Mean error minus that of {reference} on the same {_of(frame)}, with the 95 % interval of the"
-        f" mean difference. {_sized(results, family)}, {_worlds(results, family)} worlds.",
+        caption=f"Mean error minus that of {reference} on the same {_of(frame)}, with the 95 % interval"
+        f" of the mean difference. {_sized(results, family)}, {_worlds(results, family)} worlds.",
         alt=f"Paired differences to {reference}: "
         + ", ".join(f"{r['algorithm']} {r['difference_m']:+.2f} m" for r in frame.to_dict("records"))
         + ".",

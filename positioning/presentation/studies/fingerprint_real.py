@@ -47,8 +47,8 @@ def _distributions(results: StudyResults, families: list[str], rows: list[str]) 
         name="error_distribution",
         figure=figure,
         title="Error distribution of each recording",
-        caption="Share of position errors up to a given size; the number of located fingerprints, n, stands above"
-        " each panel, each recording is one world. The axes differ, because the sites differ in size.",
+        caption="Share of position errors up to a given size; the number of located fingerprints, n, stands"
+        " above each panel, each recording is one world. The axes differ, because the sites differ in size.",
         alt=" ".join(
             figures.distribution_alt(results, family, figures.measured_rows(results, family))
             for family in families
@@ -83,9 +83,9 @@ def _means(results: StudyResults, families: list[str], rows: list[str]) -> Drawn
         name="mean_error",
         figure=figure,
         title="Mean error of each algorithm and recording",
-        caption="Mean position error; the line is one standard error to either side, which takes samples of one"
-        " site for independent. n stands above each panel, each recording is one world; a row without a dot did"
-        " not run.",
+        caption="Mean position error; the line is one standard error to either side, which takes samples of"
+        " one site for independent. n stands above each panel, each recording is one world; a row without a"
+        " dot did not run.",
         alt=" ".join(
             figures.means_alt(results, family, figures.measured_rows(results, family)) for family in families
         ),

@@ -1,0 +1,183 @@
+"""The plan: configuration checked before any job, code found, studies resolved."""
+
+import copy
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from conftest import ROOT, SMALL
+from planning.code import code_of, constructor_parameters
+from planning.config import algorithm_files, check_schema, resolve
+from planning.recordings import drop_absent, files_of
+
+from positioning.errors import InputError
+from positioning.evaluation.claims import quantities
+
+
+@pytest.fixture(autouse=True)
+def _here(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+
+
+def changed(change: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
+    config = copy.deepcopy(SMALL)
+    change(config["studies"]["fingerprint_loo"])
+    return config
+
+
+def shipped() -> dict[str, Any]:
+    return yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
+
+
+WRONG = {
+    "unknown key": (lambda s: s.update(wrolds=4), ["studies.fingerprint_loo.wrolds", "unknown", "'worlds'"]),
+    "unknown algorithm": (lambda s: s["algorithms"].update(wkn={}), ["algorithms.wkn", "'wkn'", "mean 'wknn'"]),
+    "unknown use": (lambda s: s["algorithms"].update(a={"use": "kn"}), ["algorithms.a", "'kn'", "'knn'"]),
+    "unknown parameter": (lambda s: s["algorithms"].update(knn={"kk": 4}), ["algorithms.knn.kk", "'k'"]),
+    "unknown swept parameter": (
+        lambda s: s["sweeps"]["knn_k"].update(over={"kay": [1]}),
+        ["sweeps.knn_k.kay", "parameter of knn"],
+    ),
+    "no worlds": (lambda s: s.update(worlds=0), ["studies.fingerprint_loo.worlds", "0", "at least 1"]),
+    "worlds as text": (lambda s: s.update(worlds="many"), ["fingerprint_loo.worlds", "'many'", "integer"]),
+    "seeds overlap": (
+        lambda s: s["calibrate"][0].update(first_seed=1001),
+        ["calibrate[0]", "1001 to 1002", "1000 to 1002", "first_seed"],
+    ),
+    "unknown setting": (lambda s: s.update(world={"grid": 2}), ["world.grid", "'grid_m'"]),
+    "unknown family setting": (lambda s: s.update(families={"a": {"nois": 1}}), ["families.a.nois", "noise_db"]),
+    "unknown paper": (lambda s: s.update(paper="robosar"), [".paper", "'robosar'", "robo_sar"]),
+    "unknown reference": (lambda s: s.update(reference="svm"), [".reference", "'svm'"]),
+    "unknown claim": (lambda s: s["calibrate"][0].update(claim="table1.wknn"), ["claim", "table1.wknn.mean"]),
+    "two kinds of worlds": (
+        lambda s: s.update(recordings={"a": {"adapter": "x", "source": "y"}}),
+        ["fingerprint_loo", "either worlds"],
+    ),
+    "name taken twice": (lambda s: s["sweeps"].update(knn=s["sweeps"]["knn_k"]), ["sweeps.knn", "Rename"]),
+    "missing key": (lambda s: s.pop("batch"), ["fingerprint_loo", "batch", "missing"]),
+    "capital name": (lambda s: s["algorithms"].update(KNN={"use": "knn"}), ["algorithms", "KNN"]),
+    "truth asked for": (
+        lambda s: s["algorithms"].update(control_centre={"site": 1}),
+        ["control_centre.site", "parameter of control_centre"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_configuration_names_the_thing_the_limit_and_the_cure(case: str) -> None:
+    change, parts = WRONG[case]
+    with pytest.raises(InputError) as raised:
+        resolve(changed(change))
+    for part in parts:
+        assert part in str(raised.value), f"{part!r} is not in {raised.value}"
+
+
+def test_the_small_configuration_is_right() -> None:
+    study = resolve(SMALL)["fingerprint_loo"]
+    assert study.batches() == ["00000", "00002"]
+    assert study.batches("knn_k") == ["00000"]
+    assert study.members("00002") == {"worlds": [2], "seeds": [1002], "families": study.families}
+    assert study.families["floor"]["points"] == 257
+    assert list(study.rows) == [*study.entries, "knn_k"]
+
+
+@pytest.mark.parametrize("overlay", [None, "quick.yaml"])
+def test_the_shipped_configuration_is_right(overlay: str | None) -> None:
+    from snakemake.utils import update_config
+
+    config = shipped()
+    if overlay:
+        update_config(config, yaml.safe_load((ROOT / "config" / overlay).read_text(encoding="utf-8")))
+    assert set(resolve(config)) >= {"fingerprint_loo", "fingerprint_real"}
+
+
+def test_every_claim_speaks_of_rows_that_are_configured() -> None:
+    for study in resolve(shipped()).values():
+        paper = yaml.safe_load((ROOT / f"data/papers/{study.paper}.yaml").read_text(encoding="utf-8"))
+        ids = [claim["id"] for claim in paper["claims"]]
+        assert len(ids) == len(set(ids))
+        for claim in paper["claims"]:
+            if claim["study"] == study.name:
+                named = {q.get("algorithm", q.get("sweep")) for q in quantities(claim)}
+                assert named <= set(study.rows), claim["id"]
+
+
+def test_all_printed_numbers_of_table_1_are_claims() -> None:
+    paper = yaml.safe_load((ROOT / "data/papers/robo_sar.yaml").read_text(encoding="utf-8"))
+    cells = [c for c in paper["claims"] if c["id"].startswith("table1.")]
+    assert len([c for c in cells if not c["id"].endswith(".se")]) == 45
+    assert len([c for c in cells if c["id"].endswith(".se")]) == 9
+
+
+def test_settings_of_a_family_win_over_those_of_the_study_and_of_the_paper() -> None:
+    config = changed(lambda s: s.update(world={"grid_m": 2.0}, families={"a": {}, "b": {"grid_m": 1.0}}))
+    families = resolve(config)["fingerprint_loo"].families
+    assert (families["a"]["grid_m"], families["b"]["grid_m"]) == (2.0, 1.0)
+
+
+def test_code_is_followed_through_local_imports_only() -> None:
+    files = code_of("algorithms/fingerprinting/wknn.py")
+    assert "algorithms/fingerprinting/wknn.py" in files
+    assert "positioning/fingerprints.py" in files
+    assert "positioning/__init__.py" in files
+    assert "positioning/propagation.py" not in files
+    assert all(file.startswith(("algorithms/", "positioning/")) for file in files)
+
+
+def test_code_finds_imports_inside_functions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "positioning").mkdir()
+    (tmp_path / "positioning/a.py").write_text("def f():\n    from positioning import b\n", encoding="utf-8")
+    (tmp_path / "positioning/b.py").write_text("import numpy\nimport positioning.a\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert code_of("positioning/a.py") == ["positioning/a.py", "positioning/b.py"]
+
+
+def test_constructor_parameters_without_import(tmp_path: Path) -> None:
+    file = tmp_path / "x.py"
+    file.write_text("class X:\n    def __init__(self, *, a, b=1): ...\nclass Y(X): ...\n", encoding="utf-8")
+    assert constructor_parameters(str(file), "X") == ["a", "b"]
+    assert constructor_parameters(str(file), "Y") is None
+
+
+def test_the_template_is_no_algorithm() -> None:
+    assert "template" not in algorithm_files()
+    assert algorithm_files()["wknn"] == ["fingerprinting"]
+
+
+def test_absent_recordings_are_dropped_with_a_line_each(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    studies = resolve(shipped())
+    kept = drop_absent(studies, tmp_path)
+    assert "fingerprint_real" not in kept
+    assert "fingerprint_loo" in kept
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == len(studies["fingerprint_real"].recordings)
+    assert all("sources.csv" in line and "skipped" in line for line in said)
+
+
+def test_an_unregistered_source_is_all_that_its_folder_holds(tmp_path: Path) -> None:
+    (tmp_path / "office").mkdir()
+    (tmp_path / "office/survey.csv").write_text("x_m,y_m,a_dbm\n", encoding="utf-8")
+    assert files_of("office", tmp_path) == [str(tmp_path / "office/survey.csv")]
+    assert files_of("nowhere", tmp_path) == []
+
+
+CLAIM = {"id": "a", "study": "s", "where": "w", "what": "x"}
+WRONG_CLAIMS = [
+    {**CLAIM, "kind": "value", "unit": "m", "quantity": {"algorithm": "a", "metric": "m"}},
+    {**CLAIM, "kind": "value", "printed": 3.06, "unit": "m", "quantity": {"algorithm": "a", "metric": "m"}},
+    {**CLAIM, "kind": "ordering"},
+    {**CLAIM, "kind": "bound", "quantity": {"algorithm": "a", "metric": "m"}},
+    {**CLAIM, "kind": "words"},
+    {**CLAIM, "kind": "opinion"},
+]
+
+
+@pytest.mark.parametrize("claim", WRONG_CLAIMS)
+def test_a_claim_without_what_its_kind_needs_is_refused(claim: dict[str, Any]) -> None:
+    paper = {"key": "p", "authors": "a", "title": "t", "settings": {}, "readings": {}, "claims": [claim]}
+    with pytest.raises(InputError, match=r"paper\.claims\.0"):
+        check_schema(paper, ROOT / "workflow/schemas/paper.schema.yaml", "paper")
