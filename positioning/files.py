@@ -109,12 +109,16 @@ def read_tree(path: str | Path) -> Tree:
     return tree
 
 
-def write_errors(path: str | Path, columns: Mapping[str, NDArray[np.generic]], skipped: Mapping[str, str]) -> None:
+def write_errors(
+    path: str | Path, columns: Mapping[str, NDArray[np.generic]], skipped: Mapping[str, str]
+) -> None:
     """Write raw errors as Parquet; ``skipped`` maps a family to the reason why nothing ran on it."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    table = pa.table(dict(columns)).replace_schema_metadata({"skipped": json.dumps(dict(skipped), sort_keys=True)})
+    table = pa.table(dict(columns)).replace_schema_metadata(
+        {"skipped": json.dumps(dict(skipped), sort_keys=True)}
+    )
     with replacing(path) as temporary:
         pq.write_table(table, temporary)
 
@@ -137,7 +141,9 @@ def read_errors(path: str | Path) -> tuple[dict[str, NDArray[np.generic]], dict[
             raise
         raise _damaged(path, error) from error
     columns = {
-        name: table[name].to_numpy() if name != "family" else np.asarray(table[name].to_pylist(), dtype=np.str_)
+        name: table[name].to_numpy()
+        if name != "family"
+        else np.asarray(table[name].to_pylist(), dtype=np.str_)
         for name in table.column_names
     }
     return columns, json.loads((table.schema.metadata or {}).get(b"skipped", b"{}"))

@@ -14,7 +14,16 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).parents[1]
-PARTS = ["Snakefile", "workflow", "profiles", "config", "algorithms", "positioning", "data/papers", "data/sources.csv"]
+PARTS = [
+    "Snakefile",
+    "workflow",
+    "profiles",
+    "config",
+    "algorithms",
+    "positioning",
+    "data/papers",
+    "data/sources.csv",
+]
 SMALL: dict[str, Any] = {
     "folders": {"data": "data", "results": "results", "reports": "reports", "realdata": "absent"},
     "studies": {

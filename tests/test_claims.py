@@ -15,11 +15,15 @@ A, B = {"algorithm": "a", "metric": "mean_m"}, {"algorithm": "b", "metric": "mea
 
 def measures(**values: Any) -> pd.DataFrame:
     """One value a world for each algorithm."""
-    rows = [("f", name, np.nan, w, "mean_m", float(x)) for name, xs in values.items() for w, x in enumerate(xs)]
+    rows = [
+        ("f", name, np.nan, w, "mean_m", float(x)) for name, xs in values.items() for w, x in enumerate(xs)
+    ]
     return pd.DataFrame(rows, columns=MEASURES)
 
 
-def verdict(claim: dict[str, Any], data: pd.DataFrame, *others: dict[str, Any], **calibrated: str) -> pd.Series:
+def verdict(
+    claim: dict[str, Any], data: pd.DataFrame, *others: dict[str, Any], **calibrated: str
+) -> pd.Series:
     base = {"where": "Table 1", "what": "something", "study": "s", "unit": "m"}
     claims = [{**base, "id": "c", **claim}, *({**base, "id": f"o{i}", **o} for i, o in enumerate(others))]
     ledger = judge(claims, data, paper="p", study="s", calibrated=calibrated)
@@ -65,7 +69,9 @@ def test_what_set_a_parameter_counts_for_nothing() -> None:
     assert (row["verdict"], row["reason"]) == ("calibrated", "set x = 1")
 
 
-@pytest.mark.parametrize(("true", "expected"), [(40, "holds"), (38, "holds"), (37, "depends"), (3, "depends"), (2, "fails")])
+@pytest.mark.parametrize(
+    ("true", "expected"), [(40, "holds"), (38, "holds"), (37, "depends"), (3, "depends"), (2, "fails")]
+)
 def test_an_ordering_holds_in_a_share_of_worlds(true: int, expected: str) -> None:
     a = np.where(np.arange(40) < true, 1.0, 3.0)
     row = verdict({"kind": "ordering", "quantities": [A, B]}, measures(a=a, b=np.full(40, 2.0)))
@@ -101,7 +107,10 @@ def test_own_numbers_that_agree_leave_the_verdict_to_the_worlds() -> None:
 
 @pytest.mark.parametrize(("limit", "expected"), [("2.4", "holds"), ("2.3", "fails"), ("2.36", "holds")])
 def test_a_bound_is_met_by_what_rounds_to_it(limit: str, expected: str) -> None:
-    assert verdict({"kind": "bound", "quantity": A, "at_most": limit}, measures(a=[2.36] * 40))["verdict"] == expected
+    assert (
+        verdict({"kind": "bound", "quantity": A, "at_most": limit}, measures(a=[2.36] * 40))["verdict"]
+        == expected
+    )
 
 
 def test_both_ends_of_a_ratio_count() -> None:
@@ -112,7 +121,9 @@ def test_both_ends_of_a_ratio_count() -> None:
 
 @pytest.mark.parametrize(("x", "expected"), [(1.03064, "exact"), (1.03066, "not reproduced")])
 def test_exact_means_every_printed_digit(x: float, expected: str) -> None:
-    assert verdict({"kind": "exact", "printed": "1.0306", "quantity": A}, measures(a=[x]))["verdict"] == expected
+    assert (
+        verdict({"kind": "exact", "printed": "1.0306", "quantity": A}, measures(a=[x]))["verdict"] == expected
+    )
 
 
 def test_no_number_and_words() -> None:

@@ -28,7 +28,11 @@ arrays = hnp.arrays(
 )
 
 
-@given(tree=st.dictionaries(st.sampled_from(["a", "b/0", "c"]), st.dictionaries(st.sampled_from(["x", "y.z"]), arrays, min_size=1)))
+@given(
+    tree=st.dictionaries(
+        st.sampled_from(["a", "b/0", "c"]), st.dictionaries(st.sampled_from(["x", "y.z"]), arrays, min_size=1)
+    )
+)
 @settings(max_examples=25, deadline=None)
 def test_trees_come_back(tmp_path_factory: pytest.TempPathFactory, tree: files.Tree) -> None:
     path = tmp_path_factory.mktemp("tree") / "t.npz"
@@ -49,7 +53,11 @@ def test_equal_trees_are_equal_bytes(tmp_path: Path) -> None:
 
 
 def test_errors_come_back_with_reasons(tmp_path: Path) -> None:
-    columns = {"family": np.array(["f", "f"]), "world": np.array([0, 1], np.int32), "error_m": np.array([1.0, 2.0])}
+    columns = {
+        "family": np.array(["f", "f"]),
+        "world": np.array([0, 1], np.int32),
+        "error_m": np.array([1.0, 2.0]),
+    }
     files.write_errors(tmp_path / "e.parquet", columns, {"g": "no walls"})
     back, skipped = files.read_errors(tmp_path / "e.parquet")
     assert skipped == {"g": "no walls"}

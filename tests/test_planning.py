@@ -33,7 +33,10 @@ def shipped() -> dict[str, Any]:
 
 WRONG = {
     "unknown key": (lambda s: s.update(wrolds=4), ["studies.fingerprint_loo.wrolds", "unknown", "'worlds'"]),
-    "unknown algorithm": (lambda s: s["algorithms"].update(wkn={}), ["algorithms.wkn", "'wkn'", "mean 'wknn'"]),
+    "unknown algorithm": (
+        lambda s: s["algorithms"].update(wkn={}),
+        ["algorithms.wkn", "'wkn'", "mean 'wknn'"],
+    ),
     "unknown use": (lambda s: s["algorithms"].update(a={"use": "kn"}), ["algorithms.a", "'kn'", "'knn'"]),
     "unknown parameter": (lambda s: s["algorithms"].update(knn={"kk": 4}), ["algorithms.knn.kk", "'k'"]),
     "unknown swept parameter": (
@@ -47,7 +50,10 @@ WRONG = {
         ["calibrate[0]", "1001 to 1002", "1000 to 1002", "first_seed"],
     ),
     "unknown setting": (lambda s: s.update(world={"grid": 2}), ["world.grid", "'grid_m'"]),
-    "unknown family setting": (lambda s: s.update(families={"a": {"nois": 1}}), ["families.a.nois", "noise_db"]),
+    "unknown family setting": (
+        lambda s: s.update(families={"a": {"nois": 1}}),
+        ["families.a.nois", "noise_db"],
+    ),
     "unknown paper": (lambda s: s.update(paper="robosar"), [".paper", "'robosar'", "robo_sar"]),
     "unknown reference": (lambda s: s.update(reference="svm"), [".reference", "'svm'"]),
     "unknown claim": (lambda s: s["calibrate"][0].update(claim="table1.wknn"), ["claim", "table1.wknn.mean"]),

@@ -156,9 +156,11 @@ def test_collection_shapes_counts_and_accuracy(name):
     assert position_m.shape == (1, rows, 2)
     assert true_m.shape == (1, queries, 2)
     assert {array.dtype for array in (rss_dbm, query_dbm, position_m, true_m)} == {np.dtype(float)}
-    assert np.isfinite(position_m).all() and np.isfinite(true_m).all()
+    assert np.isfinite(position_m).all()
+    assert np.isfinite(true_m).all()
     assert np.isnan(rss_dbm[0]).all(axis=0).sum() == never_heard
-    assert np.nanmax(rss_dbm) <= 0 and np.nanmax(query_dbm) <= 0
+    assert np.nanmax(rss_dbm) <= 0
+    assert np.nanmax(query_dbm) <= 0
     assert_array_equal(observed["site.corner_m"][0], [position_m[0].min(axis=0), position_m[0].max(axis=0)])
 
     # The published figures fill with the minimum of training and test, and quote UJI1 in map units.
@@ -317,7 +319,7 @@ WRONG = {
 CURES = ("Write", "Leave", "Fill", "Keep", "Name", "Let", "Give", "Rename", "Export", "Survey")
 
 
-@pytest.mark.parametrize("text, message", WRONG.values(), ids=WRONG.keys())
+@pytest.mark.parametrize(("text", "message"), WRONG.values(), ids=WRONG.keys())
 def test_survey_csv_names_file_row_column_and_cure(tmp_path, text, message):
     (tmp_path / "survey.csv").write_text(text)
     with pytest.raises(InputError) as caught:

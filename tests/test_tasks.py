@@ -83,7 +83,9 @@ def test_duplicate_places_are_left_out_together() -> None:
 def test_results_do_not_depend_on_the_stack() -> None:
     stack = worlds(count=3)
     make = factory("mlp", "fingerprinting", {"iterations": 5})
-    together = task.run(make, stack.observed, None, {}, [stream(i, "t") for i in range(3)]).estimates["position_m"]
+    together = task.run(make, stack.observed, None, {}, [stream(i, "t") for i in range(3)]).estimates[
+        "position_m"
+    ]
     alone = {name: values[2:] for name, values in stack.observed.items()}
     single = task.run(make, alone, None, {}, [stream(2, "t")]).estimates["position_m"]
     np.testing.assert_array_equal(together[2], single[0])

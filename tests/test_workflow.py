@@ -41,7 +41,11 @@ OUTCOMES = {
 
 
 def jobs(row: str) -> set[str]:
-    return {f"fingerprint_loo: {what} {row} on worlds from {b}" for what in ("run", "score") for b in ("00000", "00002")}
+    return {
+        f"fingerprint_loo: {what} {row} on worlds from {b}"
+        for what in ("run", "score")
+        for b in ("00000", "00002")
+    }
 
 
 def is_run(message: str) -> bool:
@@ -61,13 +65,19 @@ def test_a_new_algorithm_plans_only_its_own_jobs(copy: Project) -> None:
 
 
 def test_an_edited_algorithm_plans_only_its_rows(copy: Project) -> None:
-    copy.edit("algorithms/fingerprinting/rbf_network.py", "class RbfNetwork", "# A new thought.\nclass RbfNetwork")
-    assert {message for message in copy.plan() if is_run(message)} == {m for m in jobs("rbf_network") if is_run(m)}
+    copy.edit(
+        "algorithms/fingerprinting/rbf_network.py", "class RbfNetwork", "# A new thought.\nclass RbfNetwork"
+    )
+    assert {message for message in copy.plan() if is_run(message)} == {
+        m for m in jobs("rbf_network") if is_run(m)
+    }
 
 
 def test_an_edited_helper_plans_all_rows_that_import_it_and_no_other(copy: Project) -> None:
     copy.edit("positioning/propagation.py", "import numpy as np", "import numpy as np  # noqa")
-    assert {message for message in copy.plan() if is_run(message)} == {m for m in jobs("bayes_average") if is_run(m)}
+    assert {message for message in copy.plan() if is_run(message)} == {
+        m for m in jobs("bayes_average") if is_run(m)
+    }
     copy.edit("positioning/radial_basis.py", "import numpy as np", "import numpy as np  # noqa")
     expected = jobs("bayes_average") | jobs("rbf_network")
     assert {message for message in copy.plan() if is_run(message)} == {m for m in expected if is_run(m)}

@@ -103,7 +103,9 @@ class RbfNetworkNearest(FingerprintRegressor):
         slices = [slice(i, i + _NETWORKS_AT_ONCE) for i in range(0, len(chosen), _NETWORKS_AT_ONCE)]
         return np.concatenate(
             [
-                estimate(fit_network(self.kernel_, self.position_m_, chosen[part], self.neurons), kernel[part])
+                estimate(
+                    fit_network(self.kernel_, self.position_m_, chosen[part], self.neurons), kernel[part]
+                )
                 for part in slices
             ]
         )

@@ -128,8 +128,8 @@ def per_world(measures: pd.DataFrame, quantity: Mapping[str, Any], name: str) ->
         )
     if "argmin" in quantity:
         best = chosen.sort_values(["world", "x", "value"]).groupby("world").first()
-        return best["value"]
-    return chosen.set_index("world")["x"].sort_index()
+        return pd.Series(best["value"])
+    return pd.Series(chosen.set_index("world")["x"].sort_index())
 
 
 def quantities(claim: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -168,8 +168,13 @@ def _value(claim: Mapping[str, Any], values: NDArray[np.float64]) -> dict[str, A
     if interval.low - half <= printed <= interval.high + half:
         return _row(values.mean(), interval, n, "reproduced", f"inside {span}, {covers}")
     distance = printed - values.mean()
-    spread = f", {abs(distance) / values.std(ddof=1):.1f} standard deviations" if n > 1 and values.std() > 0 else ""
-    reason = f"outside {span}, {covers}: {abs(distance):.3g} {'above' if distance > 0 else 'below'} the mean{spread}"
+    spread = (
+        f", {abs(distance) / values.std(ddof=1):.1f} standard deviations"
+        if n > 1 and values.std() > 0
+        else ""
+    )
+    side = "above" if distance > 0 else "below"
+    reason = f"outside {span}, {covers}: {abs(distance):.3g} {side} the mean{spread}"
     if interval.coverage < CONFIDENCE:
         return _row(values.mean(), interval, n, "undecided", reason + "; too few worlds for a 95 % interval")
     return _row(values.mean(), interval, n, "not reproduced", _with_note(reason, claim))
@@ -186,14 +191,18 @@ def _exact(claim: Mapping[str, Any], values: NDArray[np.float64]) -> dict[str, A
 
 def _none(claim: Mapping[str, Any], values: NDArray[np.float64]) -> dict[str, Any]:
     interval = single_experiment_interval(values)
-    return _row(values.mean(), interval, len(values), "none given", _with_note("the paper prints no number", claim))
+    return _row(
+        values.mean(), interval, len(values), "none given", _with_note("the paper prints no number", claim)
+    )
 
 
 def _condition(
     claim: Mapping[str, Any], claims: Sequence[Mapping[str, Any]], measures: pd.DataFrame
 ) -> dict[str, Any]:
     """Judge an ordering, a ratio or a bound by the share of worlds in which it holds."""
-    columns = pd.concat([per_world(measures, q, claim["id"]) for q in quantities(claim)], axis=1, join="inner")
+    columns = pd.concat(
+        [per_world(measures, q, claim["id"]) for q in quantities(claim)], axis=1, join="inner"
+    )
     met = np.asarray([_holds(claim, row) for row in columns.to_numpy(dtype=float)])
     successes, n = int(met.sum()), len(met)
     interval, share = share_interval(successes, n), successes / n
@@ -221,12 +230,18 @@ def _holds(claim: Mapping[str, Any], numbers: NDArray[np.float64]) -> bool:
 
 
 def _arithmetic(claim: Mapping[str, Any], printed: Sequence[str]) -> str:
-    limits = [f"{word} {claim[key]}" for key, word in (("at_least", "at least"), ("at_most", "at most")) if key in claim]
+    limits = [
+        f"{word} {claim[key]}"
+        for key, word in (("at_least", "at least"), ("at_most", "at most"))
+        if key in claim
+    ]
     wanted = " and ".join(limits)
     if claim["kind"] == "ordering":
         return ", ".join(printed) + " (ascending is claimed)"
     if claim["kind"] == "ratio":
-        return f"{printed[0]} / {printed[1]} = {float(printed[0]) / float(printed[1]):.3f} ({wanted} is claimed)"
+        return (
+            f"{printed[0]} / {printed[1]} = {float(printed[0]) / float(printed[1]):.3f} ({wanted} is claimed)"
+        )
     return f"{printed[0]} ({wanted} is claimed)"
 
 

@@ -25,8 +25,10 @@ def measure(errors: pd.DataFrame, algorithm: str) -> pd.DataFrame:
     algorithm
         The row's name.
     """
-    parts = []
-    for (family, value, world), group in errors.groupby(["family", "value", "world"], dropna=False, sort=True):
+    parts: list[tuple[object, ...]] = []
+    for (family, value, world), group in errors.groupby(
+        ["family", "value", "world"], dropna=False, sort=True
+    ):
         merits = figures_of_merit(group.sort_values("sample")["error_m"].to_numpy(dtype=float))
         parts.extend((family, algorithm, value, world, name, float(x)) for name, x in merits.items())
     return pd.DataFrame(parts, columns=MEASURES)
@@ -53,11 +55,16 @@ def table(
     """
     metrics = sorted({metric for numbers in published.values() for metric in numbers})
     lines = []
-    wide = measures.pivot_table(index=["family", "algorithm", "world"], columns="metric", values="x", sort=False)
+    wide = measures.pivot_table(
+        index=["family", "algorithm", "world"], columns="metric", values="x", sort=False
+    )
     for family in dict.fromkeys([*measures["family"], *(family for family, _ in skipped)]):
         for algorithm in rows:
             line: dict[str, Any] = {"algorithm": algorithm, "family": family}
-            line |= {f"published_{metric}": published.get((family, algorithm), {}).get(metric, "") for metric in metrics}
+            line |= {
+                f"published_{metric}": published.get((family, algorithm), {}).get(metric, "")
+                for metric in metrics
+            }
             line["note"] = skipped.get((family, algorithm), "")
             if not line["note"]:
                 worlds = wide.loc[(family, algorithm)]

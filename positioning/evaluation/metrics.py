@@ -10,7 +10,9 @@ Errors = NDArray[np.float64]
 METRICS: Mapping[str, Callable[[Errors], NDArray[np.float64]]] = {
     "n": lambda e: np.full(e.shape[:-1], e.shape[-1], dtype=float),
     "mean_m": lambda e: e.mean(axis=-1),
-    "se_m": lambda e: e.std(axis=-1, ddof=1) / np.sqrt(e.shape[-1]) if e.shape[-1] > 1 else np.zeros(e.shape[:-1]),
+    "se_m": lambda e: (
+        e.std(axis=-1, ddof=1) / np.sqrt(e.shape[-1]) if e.shape[-1] > 1 else np.zeros(e.shape[:-1])
+    ),
     "rmse_m": lambda e: np.sqrt(np.square(e).mean(axis=-1)),
     "p50_m": lambda e: np.percentile(e, 50, axis=-1),
     "p75_m": lambda e: np.percentile(e, 75, axis=-1),

@@ -12,7 +12,8 @@ from positioning.files import Tree, read_errors, read_tree
 
 def read_row_errors(paths: Sequence[str]) -> tuple[pd.DataFrame, dict[str, str]]:
     """Return the raw errors of one algorithm over all batches, and the families that it skipped."""
-    frames, skipped = [], {}
+    frames: list[pd.DataFrame] = []
+    skipped: dict[str, str] = {}
     for path in sorted(paths):
         columns, reasons = read_errors(path)
         frames.append(pd.DataFrame(columns))

@@ -89,7 +89,9 @@ def run(
         arrays = world(observed, index)
         survey, site, query = Survey.from_arrays(arrays), Site.from_arrays(arrays), Query.from_arrays(arrays)
         if survey is None:
-            raise InputError("observed worlds", "they hold no survey", "Give fingerprinting a study with surveys")
+            raise InputError(
+                "observed worlds", "they hold no survey", "Give fingerprinting a study with surveys"
+            )
         survey.check()
         seen = Truth.from_arrays(world(truth, index)) if truth is not None else None
         skip = getattr(make.algorithm_class, "skip", None)  # type: ignore[attr-defined]
@@ -101,7 +103,10 @@ def run(
         start = perf_counter()
         position = PROTOCOLS[protocol](algorithm, survey, query)
         seconds.append(perf_counter() - start)
-        expected = (len(survey.rss_dbm if protocol != "survey_to_query" or query is None else query.rss_dbm), 2)
+        expected = (
+            len(survey.rss_dbm if protocol != "survey_to_query" or query is None else query.rss_dbm),
+            2,
+        )
         if position.shape != expected or not np.isfinite(position).all():
             raise InputError(
                 "its answer",
@@ -115,7 +120,9 @@ def run(
 
 def score(estimates: Arrays, truth: Arrays) -> dict[str, NDArray[np.float64]]:
     """Return the error of every located fingerprint: distance and components, [world, n], metres."""
-    offset = np.asarray(estimates["position_m"], dtype=float) - np.asarray(truth["truth.position_m"], dtype=float)
+    offset = np.asarray(estimates["position_m"], dtype=float) - np.asarray(
+        truth["truth.position_m"], dtype=float
+    )
     return {
         "error_m": np.hypot(offset[..., 0], offset[..., 1]),
         "error_x_m": offset[..., 0],

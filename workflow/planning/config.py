@@ -192,15 +192,19 @@ def check_schema(value: Any, schema: Path, name: str) -> None:
         allowed = sorted(error.schema.get("properties", {}))
         unknown = sorted(set(error.instance) - set(allowed))[0]
         raise InputError(
-            f"{key}.{unknown}", f"the key is unknown; allowed are {', '.join(allowed)}", _nearest(unknown, allowed)
+            f"{key}.{unknown}",
+            f"the key is unknown; allowed are {', '.join(allowed)}",
+            _nearest(unknown, allowed),
         )
     if error.validator == "required":
         missing = [name for name in error.validator_value if name not in error.instance]
-        raise InputError(key, f"the key {missing[0]} is missing", "Add it; config/README.md tells its meaning")
+        raise InputError(
+            key, f"the key {missing[0]} is missing", "Add it; config/README.md tells its meaning"
+        )
     if error.validator == "oneOf":
         raise InputError(
             key,
-            "a study has either worlds and first_seed, or recordings without worlds, world, families, calibrate",
+            "it needs either worlds and first_seed, or recordings without worlds, world, families, calibrate",
             "Keep one kind; config/README.md shows both",
         )
     rules = {
@@ -215,7 +219,9 @@ def check_schema(value: Any, schema: Path, name: str) -> None:
         "maxProperties": "at most {} entry",
     }
     allowed_values = rules.get(error.validator, error.validator + " {}").format(error.validator_value)
-    raise InputError(key, f"the value {error.instance!r} is not allowed; it must be {allowed_values}", "Correct it")
+    raise InputError(
+        key, f"the value {error.instance!r} is not allowed; it must be {allowed_values}", "Correct it"
+    )
 
 
 def algorithm_files(root: Path = Path()) -> dict[str, list[str]]:
@@ -241,7 +247,9 @@ def _entries(values: Mapping[str, Any], key: str, root: Path) -> dict[str, Entry
             _known(task, files[use], f"{key}.{name}.task", f"task of {use}")
             if len(files[use]) > 1 and "task" not in line:
                 raise InputError(
-                    f"{key}.{name}", f"{use} exists for the tasks {', '.join(files[use])}", "Add task: to the line"
+                    f"{key}.{name}",
+                    f"{use} exists for the tasks {', '.join(files[use])}",
+                    "Add task: to the line",
                 )
         over = line.get("over")
         entry = Entry(
@@ -274,7 +282,12 @@ def _families(values: Mapping[str, Any], paper: Mapping[str, Any], study: str) -
     families = values.get("families") or {"worlds": {}}
     for where, names in (("world", shared), *((f"families.{f}", v or {}) for f, v in families.items())):
         for name in names:
-            _known(name, reported, f"studies.{study}.{where}.{name}", f"setting of data/papers/{values['paper']}.yaml")
+            _known(
+                name,
+                reported,
+                f"studies.{study}.{where}.{name}",
+                f"setting of data/papers/{values['paper']}.yaml",
+            )
     return {family: {**reported, **shared, **(own or {})} for family, own in families.items()}
 
 
@@ -282,7 +295,9 @@ def _check_synthetic(study: Study, paper: Mapping[str, Any], root: Path) -> None
     key = f"studies.{study.name}"
     simulation = Path("positioning/simulation") / f"{study.name}.py"
     if not (root / simulation).is_file():
-        raise InputError(key, f"there is no {simulation}", "Add the module that simulates this study's worlds")
+        raise InputError(
+            key, f"there is no {simulation}", "Add the module that simulates this study's worlds"
+        )
     claims = {claim["id"]: claim for claim in paper["claims"]}
     ranges = [(f"{key}.worlds", study.first_seed, study.worlds)]
     for number, calibration in enumerate(study.calibrate):
@@ -296,8 +311,8 @@ def _check_synthetic(study: Study, paper: Mapping[str, Any], root: Path) -> None
             if first < other_first + other_count and other_first < first + count:
                 raise InputError(
                     other,
-                    f"its seeds {other_first} to {other_first + other_count - 1} overlap with those of {name},"
-                    f" {first} to {first + count - 1}",
+                    f"its seeds {other_first} to {other_first + other_count - 1} overlap with"
+                    f" {first} to {first + count - 1} of {name}",
                     "Choose a first_seed outside: worlds that calibrate must not be worlds that judge",
                 )
 
@@ -306,7 +321,9 @@ def _known(value: str, allowed: Iterable[str], key: str, what: str) -> None:
     allowed = list(allowed)
     if value not in allowed:
         raise InputError(
-            key, f"there is no {what} named {value!r}; known are {', '.join(allowed)}", _nearest(value, allowed)
+            key,
+            f"there is no {what} named {value!r}; known are {', '.join(allowed)}",
+            _nearest(value, allowed),
         )
 
 

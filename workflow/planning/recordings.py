@@ -29,9 +29,9 @@ def drop_absent(studies: dict[str, Study], realdata: Path) -> dict[str, Study]:
             if files and not absent:
                 present[recording] = options
             else:
+                missing = (absent or [realdata / options["source"]])[0]
                 print(
-                    f"{name}: recording {recording} is skipped, {(absent or [realdata / options['source']])[0]}"
-                    f" is absent; {REGISTER} tells where to get it, folders.realdata where it belongs",
+                    f"{name}: recording {recording} is skipped, {missing} is absent; {REGISTER} tells where to get it, folders.realdata where it belongs",
                     file=sys.stderr,
                 )
         if study.recordings and not present:

@@ -21,7 +21,9 @@ DATA, RESULTS, REPORTS, REALDATA = (
     config["folders"][folder] for folder in ("data", "results", "reports", "realdata")
 )
 ENVIRONMENT = "../envs/reposition.yaml"
-TEMPLATES = sorted(str(path) for path in Path("positioning/presentation/templates").iterdir())
+TEMPLATES = sorted(
+    str(path) for path in Path("positioning/presentation/templates").iterdir()
+)
 QUICK = bool(config.get("quick"))
 
 
@@ -40,7 +42,11 @@ def extra_measures(study):
     if not Path(source).is_file():
         return []
     kind, batches = STUDIES[study].kind, STUDIES[study].batches()
-    sides = [f"{DATA}/{kind}/{study}/{b}/{side}.npz" for b in batches for side in ("observed", "truth")]
+    sides = [
+        f"{DATA}/{kind}/{study}/{b}/{side}.npz"
+        for b in batches
+        for side in ("observed", "truth")
+    ]
     return [*code(source), *sides]
 
 

@@ -13,16 +13,16 @@ rule compare:
         paired=f"{RESULTS}/tables/{{study}}_paired.csv",
         times=f"{RESULTS}/tables/{{study}}_times.csv",
         measures=f"{RESULTS}/measures/{{study}}.parquet",
-    params:
-        rows=lambda w: {name: row.settings() for name, row in study_of(w).rows.items()},
-        table=lambda w: list(study_of(w).entries),
-        reference=lambda w: study_of(w).reference,
-    conda:
-        ENVIRONMENT
     log:
         f"{RESULTS}/logs/compare/{{study}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/compare/{{study}}.tsv"
+    conda:
+        ENVIRONMENT
+    params:
+        rows=lambda w: {name: row.settings() for name, row in study_of(w).rows.items()},
+        table=lambda w: list(study_of(w).entries),
+        reference=lambda w: study_of(w).reference,
     message:
         "{wildcards.study}: compare all algorithms"
     script:
@@ -33,19 +33,21 @@ rule claims:
     input:
         measures=f"{RESULTS}/measures/{{study}}.parquet",
         times=f"{RESULTS}/tables/{{study}}_times.csv",
-        calibration=lambda w: f"{RESULTS}/calibration/{w.study}.json" if study_of(w).calibrate else [],
+        calibration=lambda w: (
+            f"{RESULTS}/calibration/{w.study}.json" if study_of(w).calibrate else []
+        ),
         paper=lambda w: f"data/papers/{study_of(w).paper}.yaml",
         code=code("workflow/scripts/claims.py"),
     output:
         f"{RESULTS}/claims/{{study}}.csv",
-    params:
-        paper=lambda w: study_of(w).paper,
-    conda:
-        ENVIRONMENT
     log:
         f"{RESULTS}/logs/claims/{{study}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/claims/{{study}}.tsv"
+    conda:
+        ENVIRONMENT
+    params:
+        paper=lambda w: study_of(w).paper,
     message:
         "{wildcards.study}: judge the paper's claims"
     script:
@@ -61,7 +63,10 @@ rule figures:
             for side in ("observed", "truth")
         ],
         paper=lambda w: f"data/papers/{study_of(w).paper}.yaml",
-        code=lambda w: code(f"positioning/presentation/studies/{w.study}.py", "workflow/scripts/figures.py"),
+        code=lambda w: code(
+            f"positioning/presentation/studies/{w.study}.py",
+            "workflow/scripts/figures.py",
+        ),
     output:
         report(
             directory(f"{RESULTS}/figures/{{study}}"),
@@ -70,15 +75,17 @@ rule figures:
             category="{study}",
             labels={"figure": "{figure}"},
         ),
-    params:
-        rows=lambda w: list(study_of(w).entries),
-        sweeps=lambda w: {name: row.settings()["over"] for name, row in study_of(w).sweeps.items()},
-    conda:
-        ENVIRONMENT
     log:
         f"{RESULTS}/logs/figures/{{study}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/figures/{{study}}.tsv"
+    conda:
+        ENVIRONMENT
+    params:
+        rows=lambda w: list(study_of(w).entries),
+        sweeps=lambda w: {
+            name: row.settings()["over"] for name, row in study_of(w).sweeps.items()
+        },
     message:
         "{wildcards.study}: draw the figures"
     script:

@@ -5,21 +5,27 @@ rule calibrate:
     input:
         code=lambda w: code(
             f"positioning/simulation/{w.study}.py",
-            *(study_of(w).entries[c["algorithm"]].source for c in study_of(w).calibrate),
-            *(f"positioning/tasks/{study_of(w).entries[c['algorithm']].task}.py" for c in study_of(w).calibrate),
+            *(
+                study_of(w).entries[c["algorithm"]].source
+                for c in study_of(w).calibrate
+            ),
+            *(
+                f"positioning/tasks/{study_of(w).entries[c['algorithm']].task}.py"
+                for c in study_of(w).calibrate
+            ),
             "workflow/scripts/calibrate.py",
         ),
     output:
         f"{RESULTS}/calibration/{{study}}.json",
-    params:
-        families=lambda w: study_of(w).families,
-        steps=lambda w: study_of(w).calibration_steps(claims_of(w.study)),
-    conda:
-        ENVIRONMENT
     log:
         f"{RESULTS}/logs/calibrate/{{study}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/calibrate/{{study}}.tsv"
+    conda:
+        ENVIRONMENT
+    params:
+        families=lambda w: study_of(w).families,
+        steps=lambda w: study_of(w).calibration_steps(claims_of(w.study)),
     message:
         "{wildcards.study}: calibrate on worlds of its own"
     script:
@@ -28,19 +34,23 @@ rule calibrate:
 
 rule simulate:
     input:
-        calibration=lambda w: f"{RESULTS}/calibration/{w.study}.json" if study_of(w).calibrate else [],
-        code=lambda w: code(f"positioning/simulation/{w.study}.py", "workflow/scripts/simulate.py"),
+        calibration=lambda w: (
+            f"{RESULTS}/calibration/{w.study}.json" if study_of(w).calibrate else []
+        ),
+        code=lambda w: code(
+            f"positioning/simulation/{w.study}.py", "workflow/scripts/simulate.py"
+        ),
     output:
         observed=f"{DATA}/synthetic/{{study}}/{{batch}}/observed.npz",
         truth=f"{DATA}/synthetic/{{study}}/{{batch}}/truth.npz",
-    params:
-        members=lambda w: study_of(w).members(w.batch),
-    conda:
-        ENVIRONMENT
     log:
         f"{RESULTS}/logs/simulate/{{study}}/{{batch}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/simulate/{{study}}/{{batch}}.tsv"
+    conda:
+        ENVIRONMENT
+    params:
+        members=lambda w: study_of(w).members(w.batch),
     message:
         "{wildcards.study}: simulate worlds from {wildcards.batch}"
     script:
@@ -50,25 +60,30 @@ rule simulate:
 rule record:
     input:
         files=lambda w: [
-            file for r in study_of(w).members(w.batch).values() for file in files_of(r["source"], Path(REALDATA))
+            file
+            for r in study_of(w).members(w.batch).values()
+            for file in files_of(r["source"], Path(REALDATA))
         ],
         register="data/sources.csv",
         code=lambda w: code(
-            *(f"positioning/recordings/{r['adapter']}.py" for r in study_of(w).members(w.batch).values()),
+            *(
+                f"positioning/recordings/{r['adapter']}.py"
+                for r in study_of(w).members(w.batch).values()
+            ),
             "workflow/scripts/record.py",
         ),
     output:
         observed=f"{DATA}/recorded/{{study}}/{{batch}}/observed.npz",
         truth=f"{DATA}/recorded/{{study}}/{{batch}}/truth.npz",
-    params:
-        members=lambda w: study_of(w).members(w.batch),
-        realdata=REALDATA,
-    conda:
-        ENVIRONMENT
     log:
         f"{RESULTS}/logs/record/{{study}}/{{batch}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/record/{{study}}/{{batch}}.tsv"
+    conda:
+        ENVIRONMENT
+    params:
+        members=lambda w: study_of(w).members(w.batch),
+        realdata=REALDATA,
     message:
         "{wildcards.study}: read real recordings from {wildcards.batch}"
     script:

@@ -9,14 +9,14 @@ rule ledger:
     output:
         claims=f"{RESULTS}/claims.csv",
         check=f"{RESULTS}/ledger.txt",
-    params:
-        quick=QUICK,
-    conda:
-        ENVIRONMENT
     log:
         f"{RESULTS}/logs/ledger.log",
     benchmark:
         f"{RESULTS}/benchmarks/ledger/ledger.tsv"
+    conda:
+        ENVIRONMENT
+    params:
+        quick=QUICK,
     message:
         "compare all verdicts with the accepted ledger"
     script:
@@ -29,15 +29,15 @@ rule manifest:
         code=code("workflow/scripts/manifest.py"),
     output:
         f"{RESULTS}/manifest.json",
-    params:
-        config=config,
-        benchmarks=f"{RESULTS}/benchmarks",
-    conda:
-        ENVIRONMENT
     log:
         f"{RESULTS}/logs/manifest.log",
     benchmark:
         f"{RESULTS}/benchmarks/manifest/manifest.tsv"
+    conda:
+        ENVIRONMENT
+    params:
+        config=config,
+        benchmarks=f"{RESULTS}/benchmarks",
     message:
         "write down what the numbers came from"
     script:
@@ -52,22 +52,25 @@ rule page:
         claims=f"{RESULTS}/claims/{{study}}.csv",
         figures=f"{RESULTS}/figures/{{study}}",
         paper=lambda w: f"data/papers/{study_of(w).paper}.yaml",
-        calibration=lambda w: f"{RESULTS}/calibration/{w.study}.json" if study_of(w).calibrate else [],
+        calibration=lambda w: (
+            f"{RESULTS}/calibration/{w.study}.json" if study_of(w).calibrate else []
+        ),
         manifest=f"{RESULTS}/manifest.json",
+        sources=lambda w: "data/sources.csv" if study_of(w).recordings else [],
         templates=TEMPLATES,
         code=code("workflow/scripts/page.py"),
     output:
         html=f"{REPORTS}/{{study}}.html",
         markdown=f"{RESULTS}/tables/{{study}}.md",
         latex=f"{RESULTS}/tables/{{study}}.tex",
-    params:
-        plan=lambda w: study_of(w).describe() | {"quick": QUICK},
-    conda:
-        ENVIRONMENT
     log:
         f"{RESULTS}/logs/page/{{study}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/page/{{study}}.tsv"
+    conda:
+        ENVIRONMENT
+    params:
+        plan=lambda w: study_of(w).describe() | {"quick": QUICK},
     message:
         "{wildcards.study}: write its page"
     script:
@@ -79,6 +82,7 @@ rule index:
         claims=f"{RESULTS}/claims.csv",
         tables=expand(f"{RESULTS}/tables/{{study}}.csv", study=STUDIES),
         figures=expand(f"{RESULTS}/figures/{{study}}", study=STUDIES),
+        papers=sorted({f"data/papers/{study.paper}.yaml" for study in STUDIES.values()}),
         pages=expand(f"{REPORTS}/{{study}}.html", study=STUDIES),
         manifest=f"{RESULTS}/manifest.json",
         templates=TEMPLATES,
@@ -88,14 +92,17 @@ rule index:
         claims=f"{REPORTS}/claims.csv",
         markdown=f"{REPORTS}/claims.md",
         summary=f"{REPORTS}/summary.md",
-    params:
-        plan={name: study.describe() | {"quick": QUICK} for name, study in STUDIES.items()},
-    conda:
-        ENVIRONMENT
     log:
         f"{RESULTS}/logs/index.log",
     benchmark:
         f"{RESULTS}/benchmarks/index/index.tsv"
+    conda:
+        ENVIRONMENT
+    params:
+        plan={
+            name: study.describe() | {"quick": QUICK}
+            for name, study in STUDIES.items()
+        },
     message:
         "write the front page"
     script:

@@ -12,15 +12,15 @@ rule run:
         ),
     output:
         f"{RESULTS}/estimates/{{study}}/{{row}}/{{batch}}.npz",
-    params:
-        row=lambda w: row_of(w).settings(),
-        first_seed=lambda w: study_of(w).first_seed,
-    conda:
-        ENVIRONMENT
     log:
         f"{RESULTS}/logs/run/{{study}}/{{row}}/{{batch}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/run/{{study}}/{{row}}/{{batch}}.tsv"
+    conda:
+        ENVIRONMENT
+    params:
+        row=lambda w: row_of(w).settings(),
+        first_seed=lambda w: study_of(w).first_seed,
     message:
         "{wildcards.study}: run {wildcards.row} on worlds from {wildcards.batch}"
     script:

@@ -7,12 +7,16 @@ from positioning.files import read_json, read_yaml, replacing
 from positioning.joblog import logging_to
 
 
-def main(study: str, paper: str, measures: str, times: str, calibration: str | None, papers: str, output: str) -> None:
+def main(
+    study: str, paper: str, measures: str, times: str, calibration: str | None, papers: str, output: str
+) -> None:
     """Write the study's part of the ledger; run time counts as one more measure of each world."""
     seconds = pd.read_csv(times).rename(columns={"seconds": "x"}).assign(metric="seconds")
     known = pd.concat([pd.read_parquet(measures), seconds], ignore_index=True)
     calibrated = {
-        step["claim"]: f"set {step['setting']} = {step['value']:g} on {step['worlds']} other worlds; counts for nothing"
+        step[
+            "claim"
+        ]: f"set {step['setting']} = {step['value']:g} on {step['worlds']} other worlds; counts for nothing"
         for step in (read_json(calibration) if calibration else [])
     }
     claims = [claim for claim in read_yaml(papers)["claims"] if claim["study"] == study]

@@ -44,7 +44,8 @@ def main(study: str, row: Mapping[str, Any], observed: str, truth: str | None, o
             except Exception as error:
                 raise RuntimeError(
                     f"study {study}, row {row['name']} ({row['use']} with {parameters or 'its defaults'}),"
-                    f" {family} worlds {arrays['world'].tolist()} (seeds {seeds}): {type(error).__name__}: {error}"
+                    f" {family} worlds {arrays['world'].tolist()} (seeds {seeds}):"
+                    f" {type(error).__name__}: {error}"
                 ) from error
             tree[f"{family}/{number}"] = {
                 "world": arrays["world"],

@@ -20,7 +20,9 @@ def main(task: str, estimates: str, truth: str, output: str) -> None:
             skipped[family] = str(step["skipped"])
             continue
         count = len(step["world"])
-        found = {name.removeprefix("estimate."): v for name, v in step.items() if name.startswith("estimate.")}
+        found = {
+            name.removeprefix("estimate."): v for name, v in step.items() if name.startswith("estimate.")
+        }
         errors = score(found, {name: values[:count] for name, values in truths[family].items()})
         shape = errors["error_m"].shape
         asked = ~np.isnan(errors["error_m"])

@@ -11,9 +11,7 @@ from positioning.joblog import logging_to
 from positioning.seeds import stream
 
 
-def main(
-    study: str, members: Mapping[str, Any], calibration: str | None, observed: str, truth: str
-) -> None:
+def main(study: str, members: Mapping[str, Any], calibration: str | None, observed: str, truth: str) -> None:
     """Simulate every family on the same seeds, so that families are paired too."""
     simulate = import_module(f"positioning.simulation.{study}").simulate
     calibrated = {step["setting"]: step["value"] for step in read_json(calibration)} if calibration else {}
