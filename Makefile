@@ -13,7 +13,7 @@ export XDG_CACHE_HOME ?= $(CURDIR)/.cache
 export MPLCONFIGDIR ?= $(CURDIR)/.cache/matplotlib
 export PYTHONHASHSEED := 0
 
-.PHONY: all quick test slow report lint format lock bench accept setup clean
+.PHONY: all quick test report lint format lock bench accept setup clean
 .DEFAULT_GOAL := all
 
 all: $(READY)  ## every study with its default worlds
@@ -23,7 +23,7 @@ quick: $(READY)  ## the same pages from few worlds
 	$(SNAKEMAKE) --configfile config/quick.yaml
 
 test: $(READY)  ## the test suite
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist loadgroup
 
 report: all  ## Snakemake's own provenance report
 	$(SNAKEMAKE) --report reports/provenance.html
@@ -47,7 +47,9 @@ lock: $(READY)  ## resolve the dependencies anew
 bench: $(READY)  ## speed and memory, measured and printed
 	$(BIN)/python -m pytest benchmarks -o python_files='bench_*.py' -o addopts= --benchmark-only
 
-accept: all  ## take the verdicts of this build over as the accepted ledger, and into the README
+accept: $(READY)  ## take the verdicts of a full build over as the accepted ones, and into the README
+	$(SNAKEMAKE) reports/index.html
+	mkdir -p tests/golden
 	cp results/claims.csv tests/golden/claims.csv
 	$(BIN)/python docs/readme_tables.py
 
@@ -61,4 +63,5 @@ $(READY): requirements.lock pyproject.toml Makefile
 	touch $(READY)
 
 clean:  ## remove everything that was computed
-	rm -rf results/* data/synthetic data/recorded data/quick reports/*.html reports/*.csv reports/*.md reports/quick .snakemake
+	rm -rf results data/synthetic data/recorded data/quick reports/quick .snakemake
+	find reports -type f ! -name README.md -delete

@@ -25,7 +25,7 @@ rule all:
     default_target: True
     input:
         f"{REPORTS}/index.html",
-        f"{RESULTS}/ledger.txt",
+        f"{RESULTS}/accepted.txt",
 
 
 for name in STUDIES:

@@ -17,6 +17,6 @@ def stream(seed: int, *names: str) -> np.random.Generator:
     seed
         The world's seed, not negative.
     names
-        What the stream is for: the study, and for an algorithm its row name.
+        What the stream is for: the study, and for an algorithm the name of its file or class.
     """
     return np.random.default_rng([seed, *(crc32(name.encode()) for name in names)])

@@ -30,7 +30,7 @@ SMALL: dict[str, Any] = {
         "fingerprint_loo": {
             "title": "Small",
             "paper": "robo_sar",
-            "worlds": 3,
+            "worlds": 2,
             "first_seed": 1000,
             "batch": 2,
             "reference": "wknn",

@@ -232,7 +232,7 @@ def test_errors_are_below_those_of_the_centre(name: str) -> None:
     assert error_m < 0.75 * np.linalg.norm(centre - POSITION[::4], axis=1).mean()
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if n != "template"])
+@pytest.mark.parametrize("name", NAMES)
 def test_fingerprints_that_do_not_fit_are_refused(name: str) -> None:
     with pytest.raises(InputError, match="do not fit"):
         make(name).fit(RSS, POSITION[:-1])

@@ -43,11 +43,19 @@ WRONG = {
         lambda s: s["sweeps"]["knn_k"].update(over={"kay": [1]}),
         ["sweeps.knn_k.kay", "parameter of knn"],
     ),
+    "unknown protocol": (
+        lambda s: s["algorithms"].update(knn={"protocol": "leave_two_out"}),
+        ["algorithms.knn.protocol", "'leave_two_out'", "'leave_one_out'"],
+    ),
+    "unknown task": (
+        lambda s: s["algorithms"].update(a={"use": "sklearn.svm.SVR", "task": "fingerprint"}),
+        ["algorithms.a.task", "'fingerprint'", "'fingerprinting'"],
+    ),
     "no worlds": (lambda s: s.update(worlds=0), ["studies.fingerprint_loo.worlds", "0", "at least 1"]),
     "worlds as text": (lambda s: s.update(worlds="many"), ["fingerprint_loo.worlds", "'many'", "integer"]),
     "seeds overlap": (
         lambda s: s["calibrate"][0].update(first_seed=1001),
-        ["calibrate[0]", "1001 to 1002", "1000 to 1002", "first_seed"],
+        ["calibrate[0]", "1001 to 1002", "1000 to 1001", "first_seed"],
     ),
     "unknown setting": (lambda s: s.update(world={"grid": 2}), ["world.grid", "'grid_m'"]),
     "unknown family setting": (
@@ -82,9 +90,8 @@ def test_wrong_configuration_names_the_thing_the_limit_and_the_cure(case: str) -
 
 def test_the_small_configuration_is_right() -> None:
     study = resolve(SMALL)["fingerprint_loo"]
-    assert study.batches() == ["00000", "00002"]
-    assert study.batches("knn_k") == ["00000"]
-    assert study.members("00002") == {"worlds": [2], "seeds": [1002], "families": study.families}
+    assert study.batches() == ["00000"]
+    assert study.members("00000") == {"worlds": [0, 1], "seeds": [1000, 1001], "families": study.families}
     assert study.families["floor"]["points"] == 257
     assert list(study.rows) == [*study.entries, "knn_k"]
 
@@ -115,6 +122,14 @@ def test_all_printed_numbers_of_table_1_are_claims() -> None:
     cells = [c for c in paper["claims"] if c["id"].startswith("table1.")]
     assert len([c for c in cells if not c["id"].endswith(".se")]) == 45
     assert len([c for c in cells if c["id"].endswith(".se")]) == 9
+
+
+def test_batches_cover_all_worlds_and_a_sweep_over_fewer_needs_fewer() -> None:
+    config = changed(lambda s: (s.update(worlds=5), s["sweeps"]["knn_k"].update(worlds=3)))
+    study = resolve(config)["fingerprint_loo"]
+    assert study.batches() == ["00000", "00002", "00004"]
+    assert study.batches("knn_k") == ["00000", "00002"]
+    assert [study.members(b)["worlds"] for b in study.batches()] == [[0, 1], [2, 3], [4]]
 
 
 def test_settings_of_a_family_win_over_those_of_the_study_and_of_the_paper() -> None:

@@ -9,13 +9,18 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import BaseEstimator, RegressorMixin
 
-from positioning.fingerprints import fill_not_heard, signal_distance_db, training_members
+from positioning.fingerprints import (
+    FingerprintRegressor,
+    fill_not_heard,
+    signal_distance_db,
+    training_members,
+)
 from positioning.model import Array, Site, Survey
 
 
-class Template(RegressorMixin, BaseEstimator):  # type: ignore[misc]
+# A scikit-learn regressor with checks of its input; any other scikit-learn regressor will do as well.
+class Template(FingerprintRegressor):
     """The mean of the surveyed positions, weighted by a Gaussian of the signal distance.
 
     See Nadaraya (1964) and Watson (1964); say here where your algorithm is described.
@@ -41,8 +46,8 @@ class Template(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 
         See Nadaraya (1964) and Watson (1964).
         """
-        self.rss_dbm_ = fill_not_heard(rss_dbm, self.not_heard_dbm)
-        self.position_m_ = np.asarray(position_m, dtype=np.float64)
+        rss, self.position_m_ = self._training(rss_dbm, position_m)
+        self.rss_dbm_ = fill_not_heard(rss, self.not_heard_dbm)
         return self
 
     def predict(self, rss_dbm: ArrayLike) -> Array:
@@ -50,7 +55,7 @@ class Template(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 
         See Nadaraya (1964) and Watson (1964).
         """
-        rss = fill_not_heard(rss_dbm, self.not_heard_dbm)
+        rss = fill_not_heard(self._readings(rss_dbm), self.not_heard_dbm)
         return self._average(signal_distance_db(rss, self.rss_dbm_))
 
     # Optional. Without it, the algorithm is fitted anew for every point that is left out. Where one

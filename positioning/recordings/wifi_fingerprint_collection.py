@@ -41,8 +41,9 @@ def load(folder: str | Path, *, name: str, scans: str = "all") -> Worlds:
         with its origin at the lower left corner of the survey; the others keep their own frame.
     scans
         ``all``: the survey as it is; ``mean``: one row for every position of every floor, the mean
-        in dBm of the readings that heard the access point. The query always stays as it is, because
-        a user has one scan.
+        in dBm over its scans, in which an access point that was not heard counts as 1 dB below the
+        set's weakest reading. A mean of heard readings alone would make one that a single scan
+        heard as strong as one that all heard. The query always stays as it is: a user has one scan.
 
     Returns
     -------
@@ -66,9 +67,13 @@ def load(folder: str | Path, *, name: str, scans: str = "all") -> Worlds:
     if scans == "mean":
         # The label is x, y, height, floor, building: places above each other stay apart.
         label_columns = list(range(survey_label.shape[1]))
-        row = pd.DataFrame(np.hstack([survey_label, survey_rss_dbm]))
+        heard = ~np.isnan(survey_rss_dbm)
+        filled_dbm = np.where(heard, survey_rss_dbm, np.nanmin(survey_rss_dbm) - 1.0)
+        row = pd.DataFrame(np.hstack([survey_label, filled_dbm, heard]))
         mean = row.groupby(label_columns, sort=False, as_index=False).mean().to_numpy(dtype=float)
-        survey_label, survey_rss_dbm = np.split(mean, [len(label_columns)], axis=1)
+        columns = len(label_columns)
+        survey_label, filled_dbm, share = np.split(mean, [columns, columns + heard.shape[1]], axis=1)
+        survey_rss_dbm = np.where(share > 0, filled_dbm, np.nan)
 
     survey_position_m, query_position_m = survey_label[:, :2], query_label[:, :2]
     if name in GROUND_METRES_PER_UNIT:

@@ -3,6 +3,7 @@
 import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -251,6 +252,12 @@ def _entries(values: Mapping[str, Any], key: str, root: Path) -> dict[str, Entry
                     f"{use} exists for the tasks {', '.join(files[use])}",
                     "Add task: to the line",
                 )
+        if not Path(root / f"positioning/tasks/{task}.py").is_file():
+            known_tasks = sorted(path.stem for path in (root / "positioning/tasks").glob("[a-z]*.py"))
+            _known(task, known_tasks, f"{key}.{name}.task", "task")
+        if "protocol" in line:
+            protocols = getattr(import_module(f"positioning.tasks.{task}"), "PROTOCOLS", {})
+            _known(line["protocol"], protocols, f"{key}.{name}.protocol", f"protocol of {task}")
         over = line.get("over")
         entry = Entry(
             name=name,

@@ -31,7 +31,8 @@ def drop_absent(studies: dict[str, Study], realdata: Path) -> dict[str, Study]:
             else:
                 missing = (absent or [realdata / options["source"]])[0]
                 print(
-                    f"{name}: recording {recording} is skipped, {missing} is absent; {REGISTER} tells where to get it, folders.realdata where it belongs",
+                    f"{name}: recording {recording} is skipped, {missing} is absent;"
+                    f" {REGISTER} tells where to get it, folders.realdata where it belongs",
                     file=sys.stderr,
                 )
         if study.recordings and not present:

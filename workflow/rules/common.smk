@@ -21,6 +21,7 @@ DATA, RESULTS, REPORTS, REALDATA = (
     config["folders"][folder] for folder in ("data", "results", "reports", "realdata")
 )
 ENVIRONMENT = "../envs/reposition.yaml"
+GOLDEN = "tests/golden/claims.csv"
 TEMPLATES = sorted(
     str(path) for path in Path("positioning/presentation/templates").iterdir()
 )

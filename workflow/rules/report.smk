@@ -4,23 +4,38 @@
 rule ledger:
     input:
         claims=expand(f"{RESULTS}/claims/{{study}}.csv", study=STUDIES),
-        accepted=[path for path in ["tests/golden/claims.csv"] if Path(path).is_file()],
         code=code("workflow/scripts/ledger.py"),
     output:
-        claims=f"{RESULTS}/claims.csv",
-        check=f"{RESULTS}/ledger.txt",
+        f"{RESULTS}/claims.csv",
+    conda:
+        ENVIRONMENT
     log:
         f"{RESULTS}/logs/ledger.log",
     benchmark:
         f"{RESULTS}/benchmarks/ledger/ledger.tsv"
-    conda:
-        ENVIRONMENT
-    params:
-        quick=QUICK,
     message:
-        "compare all verdicts with the accepted ledger"
+        "join all claims into one ledger"
     script:
         "../scripts/ledger.py"
+
+
+rule accepted:
+    input:
+        ledger=f"{RESULTS}/claims.csv",
+        accepted=[path for path in [GOLDEN] if Path(path).is_file()],
+        code=code("workflow/scripts/accepted.py"),
+    output:
+        f"{RESULTS}/accepted.txt",
+    conda:
+        ENVIRONMENT
+    log:
+        f"{RESULTS}/logs/accepted.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/accepted/accepted.tsv"
+    message:
+        "compare all verdicts with the accepted ones"
+    script:
+        "../scripts/accepted.py"
 
 
 rule manifest:

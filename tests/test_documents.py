@@ -1,0 +1,428 @@
+"""The texts hold: links, keys, commands, numbers of the README, and examples that run."""
+
+import csv
+import importlib
+import importlib.util
+import inspect
+import re
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from conftest import ROOT
+from planning.config import CONTEXT
+
+from positioning.errors import InputError
+from positioning.evaluation.claims import COLUMNS, VERDICTS, quantities
+from positioning.evaluation.measures import MEASURES, PAIRED, TABLE
+from positioning.files import read_yaml, write_tree
+from positioning.recordings.register import COLUMNS as REGISTER_COLUMNS
+from positioning.registry import class_name
+from positioning.seeds import stream
+from positioning.simulation.fingerprint_loo import simulate
+from positioning.tasks.fingerprinting import PROTOCOLS
+
+GOLDEN = ROOT / "tests/golden/claims.csv"
+TEXTS = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "CHANGELOG.md",
+    ROOT / "config/README.md",
+    ROOT / "data/README.md",
+    ROOT / "reports/README.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+]
+TEXT_NAMES = [str(path.relative_to(ROOT)) for path in TEXTS]
+
+
+def readme_tables() -> Any:
+    """Import docs/readme_tables.py, which stands in no package."""
+    spec = importlib.util.spec_from_file_location("readme_tables", ROOT / "docs/readme_tables.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def read(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def prose(text: str) -> str:
+    """Return Markdown without its fenced blocks."""
+    return re.sub(r"^```.*?^```$", "", text, flags=re.DOTALL | re.MULTILINE)
+
+
+def fenced(text: str, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, flags=re.DOTALL | re.MULTILINE)
+
+
+def tables_of(text: str) -> list[list[list[str]]]:
+    """Return every Markdown table as its lines of cells, the rule left out."""
+    found = []
+    for part in re.findall(r"(?:^\|.*\|\n)+", prose(text) + "\n", flags=re.MULTILINE):
+        lines = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in part.splitlines()]
+        found.append([lines[0], *lines[2:]])
+    return found
+
+
+def section(text: str, heading: str) -> str:
+    """Return what stands under a heading, up to the next one."""
+    found = re.search(
+        rf"^#+ {re.escape(heading)}$(.*?)(?=^#+ |\Z)", prose(text), flags=re.DOTALL | re.MULTILINE
+    )
+    assert found is not None, heading
+    return found[1]
+
+
+def anchors(text: str) -> set[str]:
+    """Return the names under which the headings of a page can be linked to."""
+    headings = re.findall(r"^#+ (.*)$", prose(text), flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def claims_of_the_paper() -> list[dict[str, Any]]:
+    claims: list[dict[str, Any]] = read_yaml(ROOT / "data/papers/robo_sar.yaml")["claims"]
+    return claims
+
+
+# Numbers of the README
+
+
+def ledger() -> pd.DataFrame:
+    assert GOLDEN.is_file(), "there is no accepted ledger; `make accept` makes it"
+    frame = pd.read_csv(GOLDEN, dtype=str, keep_default_na=False)
+    assert list(frame.columns) == COLUMNS
+    assert set(frame["verdict"]) <= set(VERDICTS)
+    return frame
+
+
+def test_the_readme_counts_the_verdicts_of_the_accepted_ledger() -> None:
+    accepted = ledger()
+    head, *lines = tables_of(readme_tables().block(read("README.md")))[0]
+    assert head[:2] == ["study", "claims"]
+    told = {line[0].strip("`"): dict(zip(head[1:], line[1:], strict=True)) for line in lines}
+    assert set(accepted["study"]) <= set(told)
+    for study, cells in told.items():
+        counted = Counter(accepted[accepted["study"] == study]["verdict"])
+        assert int(cells.pop("claims")) == sum(counted.values())
+        assert {verdict: int(n) for verdict, n in cells.items() if n.isdecimal()} == dict(counted)
+
+
+def test_the_readme_shows_the_mean_errors_of_the_accepted_ledger() -> None:
+    accepted = ledger().set_index("claim")
+    of_row: dict[str, list[str]] = {}
+    for claim in claims_of_the_paper():
+        if claim["kind"] == "value" and claim["quantity"].get("metric") == "mean_m":
+            of_row.setdefault(claim["quantity"].get("algorithm"), []).append(claim["id"])
+    table = next(t for t in tables_of(readme_tables().block(read("README.md"))) if t[0][0] == "algorithm")
+    shown = set()
+    for algorithm, printed, rebuilt, interval, verdict in table[1:]:
+        row = algorithm.strip("`")
+        # The paper prints the best row's mean twice, in the table and in its abstract.
+        matching = [accepted.loc[claim] for claim in of_row[row]]
+        matching = [line for line in matching if line["printed"] == printed]
+        assert matching, (row, printed)
+        shown.add(row)
+        cells = [rebuilt, *interval.split(" to ")]
+        for line in matching:
+            assert verdict == line["verdict"]
+            for told, number in zip(cells, line[["rebuilt", "low", "high"]], strict=True):
+                # The ledger keeps six digits, so the last shown one may round the other way.
+                half_unit = 0.5 * 10.0 ** -len(told.partition(".")[2])
+                assert float(told) == pytest.approx(float(number), abs=half_unit + 1e-5)
+    assert shown == {
+        claim.split(".")[1] for claim in accepted.index if re.fullmatch(r"table1\.\w+\.mean", claim)
+    }
+
+
+def test_readme_tables_replace_the_block_and_nothing_else(tmp_path: Path) -> None:
+    module = readme_tables()
+    text = f"# A\n\n{module.START}\nold\n{module.END}\n\nlast\n"
+    (tmp_path / "README.md").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match="`make`"):
+        module.main(tmp_path)
+    for path, content in ((module.SUMMARY, "| new |\n"), (module.PICTURE, "<svg/>")):
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(content, encoding="utf-8")
+    module.main(tmp_path)
+    assert (tmp_path / "README.md").read_text(encoding="utf-8") == text.replace("old", "| new |")
+    assert module.block((tmp_path / "README.md").read_text(encoding="utf-8")) == "| new |"
+    assert (tmp_path / module.SHOWN).read_bytes() == b"<svg/>"
+
+
+def test_readme_tables_change_nothing_without_both_markers(tmp_path: Path) -> None:
+    module = readme_tables()
+    for text in (
+        f"{module.START} x",
+        f"x {module.END}",
+        f"{module.END} x {module.START}",
+        f"{module.START}" * 2,
+    ):
+        with pytest.raises(InputError, match="markers"):
+            module.with_block(text, "new")
+
+
+# Links, commands, keys
+
+
+@pytest.mark.parametrize("name", TEXT_NAMES)
+def test_links_lead_somewhere(name: str) -> None:
+    text = re.sub(r"`[^`\n]*`", "", prose(read(name)))
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        assert ":" not in target, f"{target}: texts link to the project's own files only"
+        path, _, anchor = target.partition("#")
+        file = (ROOT / name).parent / path if path else ROOT / name
+        assert file.exists(), target
+        assert not anchor or anchor in anchors(file.read_text(encoding="utf-8")), target
+
+
+def test_links_are_found_and_headings_become_anchors() -> None:
+    assert anchors("# A `b`: c\n```\n# no\n```\n## d_e (f)\n") == {"a-b-c", "d_e-f"}
+    assert "docs/data-formats.md" in re.findall(r"\]\(([^)\s]+)\)", prose(read("README.md")))
+
+
+@pytest.mark.parametrize("name", TEXT_NAMES)
+def test_make_targets_exist(name: str) -> None:
+    targets = set(re.findall(r"^([a-z]+):", read("Makefile"), flags=re.MULTILINE))
+    assert {"all", "quick", "accept"} <= targets
+    text = read(name)
+    code = [*re.findall(r"`([^`\n]+)`", prose(text)), *fenced(text, "(?:ba)?sh")]
+    named = [
+        word for part in code for words in re.findall(r"\bmake((?: [a-z]+)+)", part) for word in words.split()
+    ]
+    assert set(named) <= targets
+
+
+@pytest.mark.parametrize(
+    "name", ["README.md", "CONTRIBUTING.md", "docs/architecture.md", "docs/add-an-algorithm.md"]
+)
+def test_files_of_the_project_that_texts_name_exist(name: str) -> None:
+    folders = r"(?:algorithms|positioning|workflow|tests|config|docs|data/papers|benchmarks)"
+    for path in re.findall(rf"`({folders}/[\w./\-]*)`", prose(read(name))):
+        assert (ROOT / path).exists() or path == "tests/golden/claims.csv", path
+
+
+def schema_keys() -> dict[str, set[str]]:
+    """Return the keys of the configuration by the heading of config/README.md that explains them."""
+    schema = read_yaml(ROOT / "workflow/schemas/config.schema.yaml")
+    study, entry = schema["$defs"]["study"]["properties"], schema["$defs"]["entry"]
+    nodes = {
+        "Top level": schema["properties"],
+        "Folders": schema["properties"]["folders"]["properties"],
+        "Study": study,
+        "Calibrate": study["calibrate"]["items"]["properties"],
+        "Recordings": study["recordings"]["additionalProperties"]["properties"],
+        "Row": entry["properties"],
+        "Sweep": study["sweeps"]["additionalProperties"]["properties"],
+    }
+    assert sorted(map(sorted, nodes.values())) == sorted(map(sorted, properties_of(schema)))
+    return {heading: set(node) for heading, node in nodes.items()}
+
+
+def properties_of(node: Any) -> list[set[str]]:
+    """Return the keys of every mapping that a schema describes."""
+    parts = node.values() if isinstance(node, dict) else node if isinstance(node, list) else []
+    own = (
+        [set(node["properties"])]
+        if isinstance(node, dict) and isinstance(node.get("properties"), dict)
+        else []
+    )
+    return own + [keys for part in parts for keys in properties_of(part)]
+
+
+@pytest.mark.parametrize(
+    "heading", ["Top level", "Folders", "Study", "Calibrate", "Recordings", "Row", "Sweep"]
+)
+def test_every_key_of_the_configuration_is_explained_and_no_other(heading: str) -> None:
+    table = tables_of(section(read("config/README.md"), heading))[0]
+    assert table[0] == ["key", "meaning", "unit, type", "default", "source"]
+    keys = [line[0].strip("`") for line in table[1:]]
+    assert len(keys) == len(set(keys))
+    assert set(keys) == schema_keys()[heading]
+    assert all(line[1] and line[2] and line[3] for line in table[1:])
+
+
+def test_every_protocol_and_adapter_is_explained() -> None:
+    text = read("config/README.md")
+    protocols = tables_of(section(text, "Row"))[1]
+    assert {line[0].strip("`") for line in protocols[1:]} == set(PROTOCOLS)
+    adapters = tables_of(section(text, "Recordings"))[1]
+    modules = {path.stem for path in (ROOT / "positioning/recordings").glob("*.py")} - {
+        "__init__",
+        "register",
+    }
+    assert {line[0].strip("`") for line in adapters[1:]} == modules
+    for line in adapters[1:]:
+        load = importlib.import_module(f"positioning.recordings.{line[0].strip('`')}").load
+        options = [p.name for p in inspect.signature(load).parameters.values() if p.kind is p.KEYWORD_ONLY]
+        assert all(f"`{option}`" in line[1] for option in options)
+
+
+def test_every_setting_of_an_algorithm_is_explained_with_its_default() -> None:
+    table = tables_of(section(read("config/README.md"), "Settings of the algorithms"))[0]
+    told = {(line[0].strip("`"), line[1].strip("`")): yaml.safe_load(line[3]) for line in table[1:]}
+    assert len(told) == len(table) - 1
+    # Those of the table and of the paper's rows; a user's own algorithm needs no line.
+    entries = read_yaml(ROOT / "config/config.yaml")["studies"]["fingerprint_loo"]["algorithms"]
+    rows = {q["algorithm"] for c in claims_of_the_paper() for q in quantities(c) if "algorithm" in q}
+    names = {name for name, _ in told} | {(entries[row] or {}).get("use", row) for row in rows}
+    expected = {}
+    for name in names:
+        cls = getattr(importlib.import_module(f"algorithms.fingerprinting.{name}"), class_name(name))
+        for parameter in inspect.signature(cls).parameters.values():
+            if parameter.name not in CONTEXT:
+                expected[name, parameter.name] = parameter.default
+    assert told == expected
+
+
+def test_the_shipped_values_named_are_those_of_the_configuration() -> None:
+    config = read_yaml(ROOT / "config/config.yaml")
+    study = config["studies"]["fingerprint_loo"]
+    text = read("config/README.md")
+    for heading, values in (
+        ("Folders", config["folders"]),
+        ("Study", {key: study[key] for key in ("worlds", "first_seed", "batch")}),
+        ("Calibrate", {k: v for k, v in study["calibrate"][0].items() if k != "between"}),
+    ):
+        lines = {line[0].strip("`"): line[3] for line in tables_of(section(text, heading))[0][1:]}
+        for key, value in values.items():
+            assert re.search(rf"shipped `?{re.escape(str(value))}`?(,|$)", lines[key]), key
+    low, high = study["calibrate"][0]["between"]
+    assert f"shipped {low} to {high} dB" in section(text, "Calibrate")
+
+
+# Architecture and formats
+
+
+def test_every_rule_stands_in_the_table_of_rules_with_its_script_and_file() -> None:
+    expected = set()
+    for path in (ROOT / "workflow/rules").glob("*.smk"):
+        for rule, body in re.findall(
+            r"^rule (\w+):\n(.*?)(?=^rule |\Z)", path.read_text("utf-8"), re.DOTALL | re.M
+        ):
+            script = re.search(r'"\.\./scripts/(\w+\.py)"', body)
+            assert script is not None
+            expected.add((rule, script[1], path.name))
+    table = tables_of(section(read("docs/architecture.md"), "Rules"))[0]
+    assert {tuple(cell.strip("`") for cell in line[:3]) for line in table[1:]} == expected
+
+
+def test_every_verdict_and_kind_is_explained() -> None:
+    text = section(read("docs/architecture.md"), "Verdicts")
+    assert [verdict for verdict in VERDICTS if f"`{verdict}`" not in text] == []
+    schema = read_yaml(ROOT / "workflow/schemas/paper.schema.yaml")
+    kinds = {kind.strip("` ") for line in tables_of(text)[0][1:] for kind in line[0].split(",")}
+    assert kinds == set(schema["$defs"]["claim"]["properties"]["kind"]["enum"])
+
+
+@pytest.mark.parametrize(
+    ("heading", "columns"),
+    [("Tables", [*TABLE, "note", *PAIRED]), ("Claims", COLUMNS), ("Measures", MEASURES)],
+)
+def test_every_column_is_explained(heading: str, columns: list[str]) -> None:
+    text = section(read("docs/data-formats.md"), heading)
+    assert [column for column in columns if f"`{column}`" not in text] == []
+
+
+def test_the_columns_of_the_register_stand_in_its_guide() -> None:
+    assert ",".join(REGISTER_COLUMNS) in read("docs/add-a-data-set.md")
+
+
+@pytest.fixture(scope="module")
+def worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with one batch of worlds, as the workflow writes it."""
+    folder = tmp_path_factory.mktemp("worlds")
+    settings = read_yaml(ROOT / "data/papers/robo_sar.yaml")["settings"]["fingerprint_loo"]
+    made = simulate(
+        {name: setting["value"] for name, setting in settings.items()}, [stream(1, "fingerprint_loo")]
+    )
+    index = {"world": np.arange(1), "seed": np.ones(1, dtype=int)}
+    target = folder / "data/synthetic/fingerprint_loo/00000"
+    write_tree(target / "observed.npz", {"floor": {**index, **made.observed}})
+    write_tree(target / "truth.npz", {"floor": {**index, **made.truth}})
+    return folder
+
+
+def test_the_example_reads_worlds_with_numpy_alone(worlds: Path) -> None:
+    (example,) = fenced(read("docs/data-formats.md"), "python")
+    done = subprocess.run(
+        [sys.executable, "-I", "-c", example], cwd=worlds, capture_output=True, text=True, check=True
+    )
+    found = re.fullmatch(r"mean error ([\d.]+) m, median ([\d.]+) m\n", done.stdout)
+    assert found is not None
+    assert 1 < float(found[2]) < float(found[1]) < 8
+    assert set(re.findall(r"import (\w+)", example)) == {"numpy"}
+
+
+def test_every_array_of_the_worlds_is_explained(worlds: Path) -> None:
+    told = {
+        line[0].strip("`"): line for line in tables_of(section(read("docs/data-formats.md"), "Worlds"))[0][1:]
+    }
+    for side in ("observed", "truth"):
+        with np.load(worlds / f"data/synthetic/fingerprint_loo/00000/{side}.npz") as archive:
+            for name in archive.files:
+                line = told[name.removeprefix("floor/")]
+                assert line[3] in (side, "both")
+                assert len(line[1].strip("[]").split(",")) == archive[name].ndim
+
+
+def test_the_guide_names_the_template_and_lines_that_exist() -> None:
+    guide = read("docs/add-an-algorithm.md")
+    commands = "\n".join(fenced(guide, "bash"))
+    assert "class Template(" in read("algorithms/fingerprinting/template.py")
+    assert "algorithms/fingerprinting/template.py > algorithms/fingerprinting/my_method.py" in commands
+    (line,) = set(re.findall(r'^line = "(.*)\\n"$', commands, flags=re.MULTILINE))
+    config = read("config/config.yaml")
+    assert config.index(line) < config.index("fingerprint_real:")
+    for name in re.findall(r"sklearn[\w.]*", commands):
+        module, _, cls = name.rpartition(".")
+        assert hasattr(importlib.import_module(module), cls)
+
+
+# Papers of the project itself
+
+
+def test_citation_changes_and_licence_agree_with_the_package() -> None:
+    project = read("pyproject.toml")
+    version = re.search(r'^version = "(.*)"$', project, flags=re.MULTILINE)
+    assert version is not None
+    citation = yaml.safe_load(read("CITATION.cff"))
+    assert {"cff-version", "message", "title", "authors", "version", "license", "references"} <= set(citation)
+    assert citation["title"] == "Reposition"
+    assert citation["version"] == version[1]
+    assert f'license = "{citation["license"]}"' in project
+    paper = read_yaml(ROOT / "data/papers/robo_sar.yaml")
+    assert paper["title"] in [reference["title"] for reference in citation["references"]]
+    assert re.search(
+        rf"^## ({re.escape(version[1])}\b|[Uu]nreleased)", read("CHANGELOG.md"), flags=re.MULTILINE
+    )
+    licence = read("LICENSE")
+    assert citation["license"] == "BSD-3-Clause"
+    assert licence.startswith("BSD 3-Clause License")
+    assert len(re.findall(r"^[123]\. ", licence, flags=re.MULTILINE)) == 3
+    assert "Neither the name" in licence
+
+
+def test_hooks_are_local_and_continuous_integration_calls_the_same_script() -> None:
+    hooks = yaml.safe_load(read(".pre-commit-config.yaml"))
+    assert [repository["repo"] for repository in hooks["repos"]] == ["local"]
+    for hook in hooks["repos"][0]["hooks"]:
+        assert hook["language"] == "system"
+        assert hook["entry"].startswith(".venv/bin/python -m ")
+    steps = yaml.safe_load(read(".github/workflows/ci.yml"))["jobs"]["all"]["steps"]
+    assert steps[-1]["run"] == "bash .ci/run"
+    assert (ROOT / ".ci/run").is_file()
+
+
+def test_the_register_is_named_with_its_licences() -> None:
+    with (ROOT / "data/sources.csv").open(encoding="utf-8", newline="") as lines:
+        assert all(row["licence"] for row in csv.DictReader(lines))
+    assert "data/sources.csv" in read("README.md")
