@@ -47,7 +47,7 @@ def errors(row: str, count: int = COUNT) -> np.ndarray:
 def test_these_worlds_are_not_those_of_the_tables() -> None:
     ranges = [(CONFIG["first_seed"], CONFIG["worlds"])]
     ranges += [(c["first_seed"], c["worlds"]) for c in CONFIG["calibrate"]]
-    assert all(FIRST_SEED + COUNT <= first or first + count <= FIRST_SEED for first, count in ranges)
+    assert all(first >= FIRST_SEED + COUNT or first + count <= FIRST_SEED for first, count in ranges)
 
 
 def share(first: str, second: str) -> float:

@@ -1,12 +1,17 @@
 """The workflow as its users meet it: what is planned after an edit, and that results repeat."""
 
 import hashlib
+import os
+import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pandas as pd
 import pytest
-from conftest import SMALL, Project, make_project
+import yaml
+from conftest import ROOT, SMALL, Project, make_project
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("workflow")]
 
@@ -183,6 +188,41 @@ def test_wrong_configuration_stops_before_any_job(copy: Project) -> None:
     assert "wknn" in done.stderr
     assert "Did you mean" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_the_guide_s_own_commands_add_an_algorithm(built: Project, tmp_path: Path) -> None:
+    """Every bash block of docs/add-an-algorithm.md, as it stands, in a copy with few worlds."""
+    project = make_project(tmp_path / "guide")
+    text = yaml.safe_dump(SMALL, sort_keys=False, default_flow_style=None)
+    assert "      wknn: {k: 6}\n" in text
+    (project.folder / "config/config.yaml").write_text(text, encoding="utf-8")
+    folders = {"data": "data/quick", "results": "results/quick", "reports": "reports/quick"}
+    overlay = {"quick": True, "folders": folders}
+    (project.folder / "config/quick.yaml").write_text(yaml.safe_dump(overlay), encoding="utf-8")
+    guide = (ROOT / "docs/add-an-algorithm.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```bash\n(.*?)^```", guide, flags=re.MULTILINE | re.DOTALL)
+    assert len(blocks) == 5
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "PATH": path, "PYTHONPATH": str(project.folder)}
+    said = [
+        subprocess.run(
+            ["bash", "-euo", "pipefail", "-c", block],
+            cwd=project.folder,
+            env=environment,
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
+        for block in blocks
+    ]
+    header, row = said[2].strip().splitlines()[-2:]
+    mine = dict(zip(header.split(","), row.split(","), strict=True))
+    assert (mine["algorithm"], mine["worlds"]) == ("my_method", "2")
+    assert 1 < float(mine["mean_m"]) < 8
+    assert said[4].splitlines()[-1].startswith("kernel_ridge,")
+    page = (project.folder / "reports/quick/fingerprint_loo.html").read_text(encoding="utf-8")
+    assert "my_method" in page
+    assert "kernel_ridge" in page
 
 
 STUDY = '''"""Worlds of a toy study."""

@@ -4,7 +4,6 @@ See Mirzababaei & Akbari, section 6. The paper reports a floor with walls, six I
 and 257 places with two coordinates; all the rest is assumed, and every number of it is a setting.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,8 +15,7 @@ from positioning.geometry import pairwise_distance_m, wall_crossings
 from positioning.model import Site, Survey, Truth, Worlds
 from positioning.radio import correlated_shadowing_db, path_loss_dbm, receive
 from positioning.simulation.floorplan import corridor_building, stratified_points, survey_places
-
-Span = tuple[float, float]
+from positioning.simulation.settings import Span, number, numbers, span, whole
 
 
 def simulate(settings: Mapping[str, Any], rngs: Sequence[np.random.Generator]) -> Worlds:
@@ -162,87 +160,3 @@ def _draw(limits: Span, rng: np.random.Generator) -> float:
     # One draw even for a fixed value, so that fixing it leaves the rest of the world alone.
     low, high = limits
     return low + (high - low) * float(rng.random())
-
-
-def number(
-    settings: Mapping[str, Any],
-    name: str,
-    *,
-    least: float = -math.inf,
-    most: float = math.inf,
-    above: float = -math.inf,
-) -> float:
-    """Return one setting that must be a finite number within limits.
-
-    Parameters
-    ----------
-    settings
-        All settings by name.
-    name
-        Name of the setting.
-    least, most
-        Smallest and largest value allowed.
-    above
-        Limit that the value must exceed.
-
-    Raises
-    ------
-    InputError
-        Naming the setting, if it is missing or senseless.
-    """
-    return _checked(name, _present(settings, name), least, most, above)
-
-
-def whole(settings: Mapping[str, Any], name: str, *, least: int) -> int:
-    """Return one setting that must be a whole number of at least ``least``; else raise InputError."""
-    value = number(settings, name, least=least)
-    if value != int(value):
-        raise InputError(f"setting {name}", f"{value} is not a whole number", "Give a whole number")
-    return int(value)
-
-
-def numbers(
-    settings: Mapping[str, Any], name: str, count: int, *, least: float = -math.inf, integer: bool = False
-) -> tuple[float, ...]:
-    """Return one setting that must be a list of ``count`` finite numbers; else raise InputError."""
-    value = _present(settings, name)
-    if isinstance(value, str) or not isinstance(value, Sequence) or len(value) != count:
-        raise InputError(
-            f"setting {name}", f"{value!r} is not a list of {count} numbers", f"Give {count} numbers"
-        )
-    found = tuple(_checked(name, item, least, math.inf, -math.inf) for item in value)
-    if integer and any(item != int(item) for item in found):
-        raise InputError(f"setting {name}", f"{value!r} are not all whole numbers", "Give whole numbers")
-    return found
-
-
-def span(settings: Mapping[str, Any], name: str, *, least: float = -math.inf) -> Span:
-    """Return one setting that must be [low, high], or a number for both; else raise InputError."""
-    value = _present(settings, name)
-    pair = numbers(settings, name, 2, least=least) if isinstance(value, Sequence) else (value, value)
-    low, high = (_checked(name, item, least, math.inf, -math.inf) for item in pair)
-    if low > high:
-        raise InputError(f"setting {name}", f"{low} is above {high}", "Give the lower end first")
-    return low, high
-
-
-def _present(settings: Mapping[str, Any], name: str) -> Any:
-    if name not in settings:
-        raise InputError(
-            f"setting {name}",
-            "it is missing and no default hides in the code",
-            "Add it to the study's settings",
-        )
-    return settings[name]
-
-
-def _checked(name: str, value: Any, least: float, most: float, above: float) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not math.isfinite(value):
-        raise InputError(f"setting {name}", f"{value!r} is not a finite number", "Give a number")
-    if not least <= value <= most or value <= above:
-        limits = [f"at least {least}"] * (least > -math.inf) + [f"at most {most}"] * (most < math.inf)
-        limits += [f"above {above}"] * (above > -math.inf)
-        raise InputError(
-            f"setting {name}", f"{value} is not {' and '.join(limits)}", "Give a value within the limits"
-        )
-    return float(value)

@@ -19,23 +19,23 @@ def files_of(source: str, realdata: Path) -> list[str]:
 
 
 def drop_absent(studies: dict[str, Study], realdata: Path) -> dict[str, Study]:
-    """Return the studies without recordings whose files are absent, saying so in one line each."""
+    """Return the studies without recordings whose files are absent, with one line on each study."""
     kept = {}
     for name, study in studies.items():
-        present = {}
+        present, missing = {}, {}
         for recording, options in study.recordings.items():
             files = files_of(options["source"], realdata)
             absent = [file for file in files if not Path(file).is_file()]
             if files and not absent:
                 present[recording] = options
             else:
-                missing = (absent or [realdata / options["source"]])[0]
-                print(
-                    f"{name}: recording {recording} is skipped, {missing} is absent;"
-                    f" {REGISTER} tells where to get it, folders.realdata where it belongs",
-                    file=sys.stderr,
-                )
-        if study.recordings and not present:
-            continue
-        kept[name] = replace(study, recordings=present)
+                missing[recording] = (absent or [str(realdata / options["source"])])[0]
+        if missing:
+            print(
+                f"{name}: {', '.join(missing)} skipped, {next(iter(missing.values()))} is absent;"
+                f" {REGISTER} tells where to get it, folders.realdata where it belongs",
+                file=sys.stderr,
+            )
+        if present or not study.recordings:
+            kept[name] = replace(study, recordings=present)
     return kept
