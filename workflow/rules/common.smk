@@ -1,4 +1,5 @@
 # Helper functions of the rules: the plan of the configuration, and which code a job depends on.
+import os
 import re
 import sys
 from pathlib import Path
@@ -11,6 +12,11 @@ from planning.recordings import drop_absent, files_of
 from positioning.errors import InputError
 from positioning.files import read_yaml
 from snakemake.exceptions import WorkflowError
+
+# Snakemake hands the interpreter's path to a shell without quotes (its issue 2645); seen from here,
+# the path of an environment in this folder has no space, wherever the folder lies.
+if " " in sys.executable:
+    sys.executable = os.path.relpath(sys.executable)
 
 try:
     STUDIES = drop_absent(resolve(config), Path(config["folders"]["realdata"]))
