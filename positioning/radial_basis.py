@@ -178,16 +178,21 @@ def _select(
     steps = min(neurons, samples)
     centre = np.full((folds, neurons), -1, dtype=np.intp)
     basis = np.zeros((folds, steps, samples))
-    energy = np.sum(target * target, axis=2)
-    energy = np.where(energy > 0, energy, 1.0)[..., None]
+    energy = np.sum(target * target, axis=2, keepdims=True)
+    # Both outputs count alike: each is measured in parts of its own energy.
+    scaled = target / np.sqrt(np.where(energy > 0, energy, 1.0))
     original = member.astype(np.float64) @ squared
-    projection = target @ kernel
-    norm, trusted = original.copy(), original.copy()
-    candidate = member & (original > 0)
+    projection = scaled @ kernel
+    # What is no candidate, or none any more, has an infinite norm and so a score of zero.
+    norm = np.where(member & (original > 0), original, np.inf)
+    trusted = norm.copy()
+    work, score = np.empty_like(norm), np.empty_like(norm)
+    recomputed = False
     for step in range(steps):
-        ratio = np.sum(projection * projection / energy, axis=0) / np.where(candidate, norm, 1.0)
-        score = np.where(candidate, ratio, -1.0)
-        best = score.max(axis=1, initial=-1.0)
+        np.multiply(projection[0], projection[0], out=score)
+        score += np.multiply(projection[1], projection[1], out=work)
+        score /= norm
+        best = score.max(axis=1, initial=0.0)
         active = best > _EXPLAINED
         if not active.any():
             break
@@ -198,12 +203,18 @@ def _select(
         direction /= np.where(length > 0, length, 1.0)
         basis[:, step] = direction
         centre[:, step] = np.where(active, pick, -1)
+        norm[fold, pick] = np.inf
+        norm[~active] = np.inf
         product = direction @ kernel
-        norm -= product * product
-        projection -= np.sum(direction * target, axis=2)[..., None] * product
-        candidate[fold, pick] = False
-        candidate &= active[:, None]
-        stale = candidate & (norm < _TRUSTED * trusted)
+        norm -= np.multiply(product, product, out=work)
+        for output in range(2):
+            along = np.sum(direction * scaled[output], axis=1, keepdims=True)
+            projection[output] -= np.multiply(along, product, out=work)
+        stale = norm < np.multiply(trusted, _TRUSTED, out=work)
+        # A norm that was never formed anew cannot have fallen as low as dependence: it would be stale.
+        recomputed = recomputed or bool(stale.any())
+        if not recomputed:
+            continue
         # One fold after the other: a padded or pooled product would have a shape, and so a rounding,
         # that depends on the other folds.
         for index in np.flatnonzero(stale.any(axis=1)):
@@ -213,9 +224,9 @@ def _select(
             for _ in range(2):
                 residual -= done.T @ (done @ residual)
             norm[index, again] = np.sum(residual * residual, axis=0)
-            projection[:, index, again] = target[:, index] @ residual
+            projection[:, index, again] = scaled[:, index] @ residual
         trusted = np.where(stale, norm, trusted)
-        candidate &= norm > _DEPENDENT * original
+        norm[norm <= _DEPENDENT * original] = np.inf
     return centre, basis
 
 

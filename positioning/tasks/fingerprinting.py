@@ -131,11 +131,15 @@ def score(estimates: Arrays, truth: Arrays) -> dict[str, NDArray[np.float64]]:
 
 
 def _refit(algorithm: Any, survey: Survey, members: NDArray[np.bool_]) -> Array:
-    """Train anew for every row of ``members`` [n, n] and locate that row's fingerprint."""
+    """Train anew for every different row of ``members`` [n, n] and locate its fingerprints."""
     from sklearn.base import clone
 
-    answers = []
+    answers = np.empty((len(members), 2))
+    folds: dict[bytes, list[int]] = {}
     for index, member in enumerate(members):
+        folds.setdefault(member.tobytes(), []).append(index)
+    for tested in folds.values():
+        member = members[tested[0]]
         fresh = clone(algorithm).fit(survey.rss_dbm[member], survey.position_m[member])
-        answers.append(fresh.predict(survey.rss_dbm[index : index + 1])[0])
-    return np.asarray(answers, dtype=float)
+        answers[tested] = fresh.predict(survey.rss_dbm[tested])
+    return answers

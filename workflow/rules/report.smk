@@ -7,12 +7,12 @@ rule ledger:
         code=code("workflow/scripts/ledger.py"),
     output:
         f"{RESULTS}/claims.csv",
-    conda:
-        ENVIRONMENT
     log:
         f"{RESULTS}/logs/ledger.log",
     benchmark:
         f"{RESULTS}/benchmarks/ledger/ledger.tsv"
+    conda:
+        ENVIRONMENT
     message:
         "join all claims into one ledger"
     script:
@@ -26,12 +26,12 @@ rule accepted:
         code=code("workflow/scripts/accepted.py"),
     output:
         f"{RESULTS}/accepted.txt",
-    conda:
-        ENVIRONMENT
     log:
         f"{RESULTS}/logs/accepted.log",
     benchmark:
         f"{RESULTS}/benchmarks/accepted/accepted.tsv"
+    conda:
+        ENVIRONMENT
     message:
         "compare all verdicts with the accepted ones"
     script:
