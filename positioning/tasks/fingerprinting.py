@@ -103,18 +103,8 @@ def run(
         start = perf_counter()
         position = PROTOCOLS[protocol](algorithm, survey, query)
         seconds.append(perf_counter() - start)
-        expected = (
-            len(survey.rss_dbm if protocol != "survey_to_query" or query is None else query.rss_dbm),
-            2,
-        )
-        if position.shape != expected or not np.isfinite(position).all():
-            raise InputError(
-                "its answer",
-                f"shape {position.shape} with {np.count_nonzero(~np.isfinite(position))} values that are"
-                f" not finite; {expected} finite coordinates are needed",
-                "Correct the algorithm",
-            )
-        positions.append(position)
+        asked = survey if protocol != "survey_to_query" or query is None else query
+        positions.append(_checked(position, len(asked.rss_dbm)))
     return Outcome(estimates={"position_m": np.stack(positions)}, seconds=np.asarray(seconds))
 
 
@@ -141,5 +131,18 @@ def _refit(algorithm: Any, survey: Survey, members: NDArray[np.bool_]) -> Array:
     for tested in folds.values():
         member = members[tested[0]]
         fresh = clone(algorithm).fit(survey.rss_dbm[member], survey.position_m[member])
-        answers[tested] = fresh.predict(survey.rss_dbm[tested])
+        answers[tested] = _checked(fresh.predict(survey.rss_dbm[tested]), len(tested))
     return answers
+
+
+def _checked(position_m: Any, count: int) -> Array:
+    """Return an algorithm's answer if it is what the contract asks for."""
+    position = np.asarray(position_m, dtype=float)
+    if position.shape != (count, 2) or not np.isfinite(position).all():
+        raise InputError(
+            "its answer",
+            f"shape {position.shape} with {np.count_nonzero(~np.isfinite(position))} values that are not"
+            f" finite; {(count, 2)} finite coordinates in metres are needed",
+            "Correct the algorithm",
+        )
+    return position
