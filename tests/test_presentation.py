@@ -199,8 +199,8 @@ def built(tmp_path_factory):
     )
     own = measures[measures["value"].isna()]
     frames = {
-        "table": m.table(own, rows, skipped, m.published_numbers(paper["claims"], ["floor"])),
-        "paired": m.paired(errors, rows),
+        "table": m.table(own, rows, ["floor"], skipped, m.published_numbers(paper["claims"], ["floor"])),
+        "paired": m.paired(errors, rows, ["floor"]),
         "times": times,
         "claims": claims,
     }

@@ -26,17 +26,19 @@ def measure(errors: pd.DataFrame, algorithm: str) -> pd.DataFrame:
         The row's name.
     """
     parts: list[tuple[object, ...]] = []
-    for (family, value, world), group in errors.groupby(
-        ["family", "value", "world"], dropna=False, sort=True
-    ):
-        merits = figures_of_merit(group.sort_values("sample")["error_m"].to_numpy(dtype=float))
-        parts.extend((family, algorithm, value, world, name, float(x)) for name, x in merits.items())
+    # Families keep their order: the first one is what a claim speaks of unless it names another.
+    for family in errors["family"].unique():
+        own = errors[errors["family"] == family].sort_values("sample", kind="stable")
+        for (value, world), group in own.groupby(["value", "world"], dropna=False):
+            merits = figures_of_merit(group["error_m"].to_numpy(dtype=float))
+            parts.extend((family, algorithm, value, world, name, float(x)) for name, x in merits.items())
     return pd.DataFrame(parts, columns=MEASURES)
 
 
 def table(
     measures: pd.DataFrame,
     rows: Sequence[str],
+    families: Sequence[str],
     skipped: Mapping[tuple[str, str], str],
     published: Mapping[tuple[str, str], Mapping[str, str]],
 ) -> pd.DataFrame:
@@ -48,6 +50,8 @@ def table(
         As `measure` returns them, of all algorithms.
     rows
         Algorithms in the order of the table.
+    families
+        Families of worlds, or recordings, in their order.
     skipped
         Reason by (family, algorithm), for algorithms that could not run there.
     published
@@ -55,10 +59,9 @@ def table(
     """
     metrics = sorted({metric for numbers in published.values() for metric in numbers})
     lines = []
-    wide = measures.pivot_table(
-        index=["family", "algorithm", "world"], columns="metric", values="x", sort=False
-    )
-    for family in dict.fromkeys([*measures["family"], *(family for family, _ in skipped)]):
+    keys = ["family", "algorithm", "world"]
+    wide = measures.pivot_table(index=keys, columns="metric", values="x").reset_index()
+    for family in families:
         for algorithm in rows:
             line: dict[str, Any] = {"algorithm": algorithm, "family": family}
             line |= {
@@ -67,7 +70,8 @@ def table(
             }
             line["note"] = skipped.get((family, algorithm), "")
             if not line["note"]:
-                worlds = wide.loc[(family, algorithm)]
+                chosen = (wide["family"] == family) & (wide["algorithm"] == algorithm)
+                worlds = wide[chosen]
                 interval = single_experiment_interval(worlds["mean_m"].to_numpy(dtype=float))
                 line |= {name: worlds[name].mean() for name in METRICS}
                 line |= {
@@ -82,7 +86,7 @@ def table(
     return pd.DataFrame(lines, columns=columns).astype({"worlds": "Int64", "n": "Int64"})
 
 
-def paired(errors: Mapping[str, pd.DataFrame], rows: Sequence[str]) -> pd.DataFrame:
+def paired(errors: Mapping[str, pd.DataFrame], rows: Sequence[str], families: Sequence[str]) -> pd.DataFrame:
     """Return paired differences of mean errors between all rows of a table, on the same worlds.
 
     Where a family is a single recording, the samples of that recording are the pairs; that is said
@@ -92,11 +96,11 @@ def paired(errors: Mapping[str, pd.DataFrame], rows: Sequence[str]) -> pd.DataFr
     ----------
     errors
         Raw errors by row.
-    rows
-        Algorithms in the order of the table.
+    rows, families
+        As in `table`.
     """
     lines = []
-    for family in dict.fromkeys(family for row in rows for family in errors[row]["family"].unique()):
+    for family in families:
         present = [row for row in rows if (errors[row]["family"] == family).any()]
         values = {}
         for row in present:

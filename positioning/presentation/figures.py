@@ -455,8 +455,8 @@ def differences(results: StudyResults, family: str, reference: str) -> pd.DataFr
     parts = []
     for row in measured_rows(results, family):
         if row != reference:
-            found = paired({row: results.errors(row), reference: against}, [row, reference])
-            parts.append(found[(found["family"] == family) & (found["algorithm"] == row)])
+            found = paired({row: results.errors(row), reference: against}, [row, reference], [family])
+            parts.append(found[found["algorithm"] == row])
     return pd.concat(parts, ignore_index=True)
 
 

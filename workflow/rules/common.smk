@@ -65,6 +65,15 @@ def row_of(wildcards):
     return STUDIES[wildcards.study].rows[wildcards.row]
 
 
+def long_first(wildcards):
+    """Long jobs start first, so that no core waits for one at the end: refits, then sweeps."""
+    row = row_of(wildcards)
+    shortcut = row.source and "def leave_one_out" in Path(row.source).read_text(
+        encoding="utf-8"
+    )
+    return (0 if shortcut else 2) + (1 if row.over else 0)
+
+
 def worlds_file(name):
     """The observed or the true side of a batch, made or recorded."""
     return lambda w: f"{DATA}/{study_of(w).kind}/{w.study}/{w.batch}/{name}.npz"

@@ -22,7 +22,7 @@ rule compare:
     params:
         rows=lambda w: {name: row.settings() for name, row in study_of(w).rows.items()},
         table=lambda w: list(study_of(w).entries),
-        reference=lambda w: study_of(w).reference,
+        families=lambda w: list(study_of(w).families or study_of(w).recordings),
     message:
         "{wildcards.study}: compare all algorithms"
     script:

@@ -16,6 +16,7 @@ rule run:
         f"{RESULTS}/logs/run/{{study}}/{{row}}/{{batch}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/run/{{study}}/{{row}}/{{batch}}.tsv"
+    priority: long_first
     conda:
         ENVIRONMENT
     params:

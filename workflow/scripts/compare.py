@@ -17,6 +17,7 @@ def main(
     study: str,
     rows: Mapping[str, Mapping[str, Any]],
     table: Sequence[str],
+    families: Sequence[str],
     files: Mapping[str, Sequence[str]],
     extra: bool,
     paper: str,
@@ -35,11 +36,10 @@ def main(
         parts.append(own_measures(read_stacks(files["estimates"]), read_stacks(files["worlds"]))[m.MEASURES])
     measures = pd.concat([part for part in parts if len(part)], ignore_index=True)
     claims = [claim for claim in read_yaml(paper)["claims"] if claim["study"] == study]
-    families = list(dict.fromkeys(measures["family"]))[:1]
     table_measures = measures[measures["algorithm"].isin(table) & measures["value"].isna()]
     frames = {
-        "table": m.table(table_measures, table, skipped, m.published_numbers(claims, families)),
-        "paired": m.paired(errors, table),
+        "table": m.table(table_measures, table, families, skipped, m.published_numbers(claims, families[:1])),
+        "paired": m.paired(errors, table, families),
         "times": pd.concat(times, ignore_index=True),
     }
     for name, frame in frames.items():
@@ -55,6 +55,7 @@ if __name__ == "__main__":
             snakemake.wildcards.study,
             snakemake.params.rows,
             snakemake.params.table,
+            snakemake.params.families,
             {
                 "errors": snakemake.input.errors,
                 "estimates": snakemake.input.estimates,
