@@ -6,6 +6,7 @@ UV := $(BIN)/python -m uv
 SNAKEMAKE := $(BIN)/python -m snakemake
 UV_VERSION := 0.13.9
 READY := .venv/.ready
+# Packages are compiled to bytecode at once: every job is a Python of its own and would do it again.
 # One thread a job: two jobs run side by side. Caches stay here, so that any user may build anywhere.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
@@ -58,7 +59,7 @@ setup: $(READY)
 $(READY): requirements.lock pyproject.toml Makefile
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m uv --version 2>/dev/null | grep -qF $(UV_VERSION) || $(BIN)/python -m pip install -q uv==$(UV_VERSION)
-	$(UV) pip sync -q --require-hashes requirements.lock
+	$(UV) pip sync -q --compile-bytecode --require-hashes requirements.lock
 	$(UV) pip install -q --no-deps --no-build-isolation -e .
 	touch $(READY)
 
