@@ -122,16 +122,19 @@ def score(estimates: Arrays, truth: Arrays) -> dict[str, NDArray[np.float64]]:
 
 def _refit(algorithm: Any, survey: Survey, members: NDArray[np.bool_]) -> Array:
     """Train anew for every different row of ``members`` [n, n] and locate its fingerprints."""
+    from sklearn import config_context
     from sklearn.base import clone
 
     answers = np.empty((len(members), 2))
     folds: dict[bytes, list[int]] = {}
     for index, member in enumerate(members):
         folds.setdefault(member.tobytes(), []).append(index)
-    for tested in folds.values():
+    for number, tested in enumerate(folds.values()):
         member = members[tested[0]]
-        fresh = clone(algorithm).fit(survey.rss_dbm[member], survey.position_m[member])
-        answers[tested] = _checked(fresh.predict(survey.rss_dbm[tested]), len(tested))
+        # Settings and data that passed scikit-learn's checks once need not pass them every time.
+        with config_context(assume_finite=number > 0, skip_parameter_validation=number > 0):
+            fresh = clone(algorithm).fit(survey.rss_dbm[member], survey.position_m[member])
+            answers[tested] = _checked(fresh.predict(survey.rss_dbm[tested]), len(tested))
     return answers
 
 
