@@ -65,6 +65,10 @@ WRONG = {
     "unknown paper": (lambda s: s.update(paper="robosar"), [".paper", "'robosar'", "robo_sar"]),
     "unknown reference": (lambda s: s.update(reference="svm"), [".reference", "'svm'"]),
     "unknown claim": (lambda s: s["calibrate"][0].update(claim="table1.wknn"), ["claim", "table1.wknn.mean"]),
+    "another row's claim": (
+        lambda s: s["calibrate"][0].update(algorithm="knn"),
+        ["calibrate[0].claim", "table1.wknn.mean", "knn"],
+    ),
     "two kinds of worlds": (
         lambda s: s.update(recordings={"a": {"adapter": "x", "source": "y"}}),
         ["fingerprint_loo", "either worlds"],

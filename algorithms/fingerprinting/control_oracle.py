@@ -83,8 +83,9 @@ class ControlOracle(FingerprintRegressor):
         for access_point in range(rss.shape[1]):
             reading, field = rss[:, access_point, None], self.field_dbm_[None, :, access_point]
             heard = ~np.isnan(reading)
-            # Not heard is the cell below the floor: from minus infinity to half a dB under it.
-            upper = (np.where(heard, reading + 0.5, self.floor_dbm_ - 0.5) - field) / self.noise_db_
+            # Not heard is all that rounds to less than the floor: from minus infinity to half a dB under
+            # the first whole number that is heard.
+            upper = (np.where(heard, reading + 0.5, np.ceil(self.floor_dbm_) - 0.5) - field) / self.noise_db_
             lower = (np.where(heard, reading - 0.5, 0.0) - field) / self.noise_db_
             cell = log_probability_between(lower, upper)
             likelihood += np.where(heard, cell, log_ndtr(upper))

@@ -188,7 +188,9 @@ def index_page(summaries: Sequence[Summary], claims: pd.DataFrame) -> str:
         .get_template("index.html")
         .render(
             title="Reposition",
-            answer=answer(claims, f"in {len(summaries)} stud{'y' if len(summaries) == 1 else 'ies'}"),
+            answer=answer(
+                claims, f"in {(judged := claims['study'].nunique())} stud{'y' if judged == 1 else 'ies'}"
+            ),
             verdicts=verdicts,
             matrix=matrix(summaries, claims, verdicts),
             studies=[_short(summary, claims) for summary in summaries],

@@ -311,6 +311,13 @@ def _check_synthetic(study: Study, paper: Mapping[str, Any], root: Path) -> None
         where = f"{key}.calibrate[{number}]"
         _known(calibration["algorithm"], study.entries, f"{where}.algorithm", "row of algorithms")
         _known(calibration["claim"], claims, f"{where}.claim", "claim of the paper")
+        claim, hits = claims[calibration["claim"]], {k: calibration[k] for k in ("algorithm", "metric")}
+        if claim["kind"] != "value" or claim["quantity"] != hits:
+            raise InputError(
+                f"{where}.claim",
+                f"{claim['id']} speaks of {claim.get('quantity')}, the calibration of {hits}",
+                "Name the claim whose printed number the calibration shall reach",
+            )
         _known(calibration["setting"], next(iter(study.families.values())), f"{where}.setting", "setting")
         ranges.append((where, calibration["first_seed"], calibration["worlds"]))
     for i, (name, first, count) in enumerate(ranges):

@@ -48,6 +48,7 @@ rule claims:
         ENVIRONMENT
     params:
         paper=lambda w: study_of(w).paper,
+        family=lambda w: next(iter(study_of(w).families or study_of(w).recordings)),
     message:
         "{wildcards.study}: judge the paper's claims"
     script:

@@ -21,6 +21,13 @@ def main(ledger: str, accepted: Sequence[str], output: str) -> None:
     text = "There is no accepted ledger to compare with."
     for path in accepted:
         before = pd.read_csv(path, dtype=str, keep_default_na=False)
+        gone = sorted(set(before["claim"]) - set(now["claim"]))
+        if gone:
+            raise InputError(
+                "the ledger of claims",
+                f"{len(gone)} claim(s) of {path} are gone: {', '.join(gone)}",
+                "Put them back, or take the new ledger over with `make accept`",
+            )
         both = now.merge(before, on=["claim", "paper", "study", "worlds"], suffixes=("", "_accepted"))
         changed = both[both["verdict"] != both["verdict_accepted"]]
         if len(changed):
@@ -31,6 +38,8 @@ def main(ledger: str, accepted: Sequence[str], output: str) -> None:
                 "Find out why; where the new verdicts are right, `make accept` takes them over",
             )
         text = f"{len(both)} of {len(now)} verdicts compared with {path}: none changed."
+        if len(both) < len(now):
+            text += " The others are new, or were judged from another number of worlds."
     write_text(output, text + "\n")
 
 

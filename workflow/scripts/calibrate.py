@@ -23,7 +23,7 @@ def main(
 ) -> None:
     """Calibrate one setting after the other, each with those before it, in the first family of worlds.
 
-    Every trial draws the same random numbers, so the metric is a smooth function of the setting.
+    Every trial draws the same random numbers, so that two trials differ by the setting alone.
 
     Raises
     ------

@@ -28,27 +28,34 @@ class Sweep(NamedTuple):
 
 
 SWEEPS = {
-    "rbf_samples": Sweep(
-        "fig2a", "rbf_network", "fig2.rbf.samples", "training samples", "Global network: training samples"
-    ),
+    "rbf_samples": Sweep("fig2a", "rbf_network", "", "training samples", "Global network: training samples"),
     "rbf_neurons": Sweep("fig2b", "rbf_network", "fig2.rbf.neurons", "neurons", "Global network: neurons"),
     "rbf_spread": Sweep("fig2c", "rbf_network", "fig2.rbf.spread", "spread (dB)", "Global network: spread"),
     "rbf_nearest_samples": Sweep(
-        "fig2d",
+        "local_samples",
         "rbf_network_nearest",
         "fig2.rbf_nearest.samples",
         "nearest training samples",
         "Local network: nearest samples",
     ),
     "rbf_nearest_neurons": Sweep(
-        "fig2e", "rbf_network_nearest", "fig2.rbf_nearest.neurons", "neurons", "Local network: neurons"
+        "local_neurons",
+        "rbf_network_nearest",
+        "fig2.rbf_nearest.neurons",
+        "neurons",
+        "Local network: neurons",
     ),
     "rbf_nearest_spread": Sweep(
-        "fig2f", "rbf_network_nearest", "fig2.rbf_nearest.spread", "spread (dB)", "Local network: spread"
+        "local_spread",
+        "rbf_network_nearest",
+        "fig2.rbf_nearest.spread",
+        "spread (dB)",
+        "Local network: spread",
     ),
-    "knn_k": Sweep("fig2g", "knn", "fig2.knn.k", "neighbours k", "k nearest neighbours: k"),
+    "knn_k": Sweep("knn_k", "knn", "fig2.knn.k", "neighbours k", "k nearest neighbours: k"),
 }
-"""The sweeps in the order of the figures; a sweep that a configuration leaves out has no figure."""
+"""The sweeps in the order of the figures. The paper names no best number of training samples; a sweep
+that a configuration leaves out has no figure."""
 
 
 def draw(results: StudyResults) -> list[Drawn]:
