@@ -284,7 +284,7 @@ def test_figures_drawn_twice_are_equal_and_replace_what_was_there(built):
     script("figures").main(STUDY, **built["figures"], output=str(folder))
     first = {path.name: path.read_bytes() for path in (built["folder"] / "figures").iterdir()}
     assert first == {path.name: path.read_bytes() for path in folder.iterdir()}
-    assert {"world.svg", "world.pdf", "fig2g.svg", "fig3.svg", "table1.pdf", "paired.svg"} < first.keys()
+    assert {"world.svg", "world.pdf", "knn_k.svg", "fig3.svg", "table1.pdf", "paired.svg"} < first.keys()
     assert not list(built["folder"].glob(".tmp-*"))
 
 
