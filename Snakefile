@@ -24,6 +24,7 @@ wildcard_constraints:
 rule all:
     default_target: True
     input:
+        [file for study in STUDIES for file in study_outputs(study)],
         f"{REPORTS}/index.html",
         f"{RESULTS}/accepted.txt",
 

@@ -38,6 +38,27 @@ def training_members(position_m: ArrayLike) -> Mask:
     return members
 
 
+def too_few(survey: Survey, needed: int, name: str) -> str | None:
+    """Return why a survey is too small for a setting, None where it is not.
+
+    See Mirzababaei & Akbari, section 6.
+
+    Parameters
+    ----------
+    survey
+        The survey; leave-one-out trains with all fingerprints but those of one place.
+    needed
+        The smallest number of training fingerprints that the setting can work with.
+    name
+        The setting, for the reason.
+    """
+    _, counts = np.unique(survey.position_m, axis=0, return_counts=True)
+    left = len(survey.position_m) - int(counts.max())
+    return (
+        None if left >= needed else f"{name} needs {needed} training fingerprints, this survey leaves {left}"
+    )
+
+
 def fill_not_heard(rss_dbm: ArrayLike, floor_dbm: float) -> Array:
     """Return the readings with ``floor_dbm`` in place of NaN.
 

@@ -242,7 +242,7 @@ def test_fingerprints_that_do_not_fit_are_refused(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_skip_gives_no_reason_here(name: str) -> None:
-    skip = getattr(algorithm_class(name), "skip", None)
+    skip = getattr(make(name), "skip", None)
     shown = (SURVEY, SITE, TRUTH) if name == "control_oracle" else (SURVEY, SITE)
     assert skip is None or skip(*shown) is None
 
@@ -252,7 +252,11 @@ def test_skip_names_what_is_missing() -> None:
     assert "access points" in str(BayesMaximumLikelihood.skip(SURVEY, Site(corner_m=CORNER_M)))
     many = Survey(rss_dbm=np.zeros((9000, 1)), position_m=np.zeros((9000, 2)))
     for cls in (RbfNetwork, RbfNetworkNearest, Template):
-        assert "9000 fingerprints" in str(cls.skip(many, None))
+        assert "9000 fingerprints" in str(cls().skip(many, None))
+    few = Survey(rss_dbm=np.zeros((5, 1)), position_m=np.arange(10.0).reshape(5, 2))
+    assert Knn(k=4).skip(few, None) is None
+    for algorithm in (Knn(k=5), Wknn(k=6), RbfNetwork(neurons=4), RbfNetworkNearest(nearest=5)):
+        assert "this survey leaves 4" in str(algorithm.skip(few, None))
     assert "synthetic" in str(ControlOracle.skip(SURVEY, SITE, Truth(position_m=POSITION)))
 
 

@@ -147,6 +147,44 @@ def test_all_printed_numbers_of_table_1_are_claims() -> None:
     assert found == expected
 
 
+def test_an_overlay_keeps_the_order_of_the_file_and_null_takes_out() -> None:
+    base = shipped()
+    merged = {
+        "studies": {
+            "fingerprint_loo": {
+                "families": {
+                    "open_floor": {"wall_loss_db": 0},
+                    **base["studies"]["fingerprint_loo"]["families"],
+                },
+                "algorithms": {
+                    "mine": {"use": "knn", "k": 2},
+                    **base["studies"]["fingerprint_loo"]["algorithms"],
+                },
+                **{
+                    k: v
+                    for k, v in base["studies"]["fingerprint_loo"].items()
+                    if k not in ("families", "algorithms")
+                },
+            },
+            "fingerprint_real": None,
+        },
+        "folders": base["folders"],
+    }
+    merged["studies"]["fingerprint_loo"]["algorithms"]["mlp"] = None
+    studies = resolve(merged)
+    assert list(studies) == ["fingerprint_loo"]
+    assert list(studies["fingerprint_loo"].families) == ["floor", "open_floor"]
+    rows = list(studies["fingerprint_loo"].entries)
+    assert rows[0] == "svm"
+    assert rows[-1] == "mine"
+    assert "mlp" not in rows
+
+
+def test_a_study_that_only_an_overlay_names_is_told() -> None:
+    with pytest.raises(InputError, match="overlay"):
+        resolve({**SMALL, "studies": {**SMALL["studies"], "other": {"worlds": 4}}})
+
+
 def test_batches_cover_all_worlds_and_a_sweep_over_fewer_needs_fewer() -> None:
     config = changed(lambda s: (s.update(worlds=5), s["sweeps"]["knn_k"].update(worlds=3)))
     study = resolve(config)["fingerprint_loo"]

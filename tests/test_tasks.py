@@ -136,9 +136,10 @@ def test_silence_is_allowed_and_answered() -> None:
         assert np.isfinite(run(factory(use, "fingerprinting", {}), stack)).all()
 
 
-def test_k_larger_than_the_survey_is_refused() -> None:
-    with pytest.raises(InputError, match="k=50"):
-        run(factory("wknn", "fingerprinting", {"k": 50}), worlds())
+def test_k_larger_than_the_survey_is_a_row_with_the_reason() -> None:
+    make = factory("wknn", "fingerprinting", {"k": 50})
+    outcome = task.run(make, worlds().observed, None, {}, [stream(0, "t")])
+    assert outcome.skipped == "k = 50 needs 50 training fingerprints, this survey leaves 8"
 
 
 def test_errors_are_distances() -> None:

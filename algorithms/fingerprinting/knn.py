@@ -10,9 +10,10 @@ from positioning.fingerprints import (
     fill_not_heard,
     nearest_members,
     signal_distance_db,
+    too_few,
     training_members,
 )
-from positioning.model import Array
+from positioning.model import Array, Site, Survey
 
 
 class Knn(FingerprintRegressor):
@@ -31,6 +32,13 @@ class Knn(FingerprintRegressor):
     def __init__(self, *, k: int = 4, not_heard_dbm: float = -100.0) -> None:
         self.k = k
         self.not_heard_dbm = not_heard_dbm
+
+    def skip(self, survey: Survey, site: Site | None) -> str | None:
+        """Tell why these data are too few, None where they are not.
+
+        See Mirzababaei & Akbari, section 6.
+        """
+        return too_few(survey, self.k, f"k = {self.k}")
 
     def fit(self, rss_dbm: ArrayLike, position_m: ArrayLike) -> Self:
         """Keep the survey.

@@ -11,6 +11,7 @@ from positioning.fingerprints import (
     Index,
     fill_not_heard,
     signal_distance_db,
+    too_few,
     training_members,
 )
 from positioning.model import Array, Site, Survey
@@ -130,8 +131,7 @@ class RbfNetwork(FingerprintRegressor):
         order = np.random.default_rng(self.random_state).permutation(samples)
         return np.sort(order[: self.training_samples])
 
-    @staticmethod
-    def skip(survey: Survey, site: Site | None) -> str | None:
+    def skip(self, survey: Survey, site: Site | None) -> str | None:
         """Say why the network cannot be trained on these data, None where it can.
 
         See Mirzababaei & Akbari, section 6.
@@ -139,4 +139,4 @@ class RbfNetwork(FingerprintRegressor):
         samples = len(survey.rss_dbm)
         if 8 * samples**2 > _LARGEST_KERNEL_BYTES:
             return f"the kernel of {samples} fingerprints would take {8e-9 * samples**2:.1f} GB"
-        return None
+        return too_few(survey, self.neurons + 1, f"neurons = {self.neurons}")

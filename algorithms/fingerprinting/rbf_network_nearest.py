@@ -11,6 +11,7 @@ from positioning.fingerprints import (
     fill_not_heard,
     nearest_members,
     signal_distance_db,
+    too_few,
     training_members,
 )
 from positioning.model import Array, Site, Survey
@@ -110,8 +111,7 @@ class RbfNetworkNearest(FingerprintRegressor):
             ]
         )
 
-    @staticmethod
-    def skip(survey: Survey, site: Site | None) -> str | None:
+    def skip(self, survey: Survey, site: Site | None) -> str | None:
         """Say why the networks cannot be trained on these data, None where they can.
 
         See Mirzababaei & Akbari, section 6.B.
@@ -119,4 +119,4 @@ class RbfNetworkNearest(FingerprintRegressor):
         samples = len(survey.rss_dbm)
         if 8 * samples**2 > _LARGEST_KERNEL_BYTES:
             return f"the kernel of {samples} fingerprints would take {8e-9 * samples**2:.1f} GB"
-        return None
+        return too_few(survey, self.nearest, f"nearest = {self.nearest}")

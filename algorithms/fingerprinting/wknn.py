@@ -12,9 +12,10 @@ from positioning.fingerprints import (
     fill_not_heard,
     nearest_members,
     signal_distance_db,
+    too_few,
     training_members,
 )
-from positioning.model import Array
+from positioning.model import Array, Site, Survey
 
 
 class Wknn(FingerprintRegressor):
@@ -39,6 +40,13 @@ class Wknn(FingerprintRegressor):
         self.k = k
         self.distance_offset_db = distance_offset_db
         self.not_heard_dbm = not_heard_dbm
+
+    def skip(self, survey: Survey, site: Site | None) -> str | None:
+        """Tell why these data are too few, None where they are not.
+
+        See Mirzababaei & Akbari, section 6.
+        """
+        return too_few(survey, self.k, f"k = {self.k}")
 
     def fit(self, rss_dbm: ArrayLike, position_m: ArrayLike) -> Self:
         """Keep the survey.

@@ -94,11 +94,10 @@ def run(
             )
         survey.check()
         seen = Truth.from_arrays(world(truth, index)) if truth is not None else None
-        skip = getattr(make.algorithm_class, "skip", None)  # type: ignore[attr-defined]
-        shown = (survey, site) if seen is None else (survey, site, seen)
-        if skip is not None and (reason := skip(*shown)):
-            return Outcome(skipped=str(reason))
         algorithm = make(site=site, truth=seen, random_state=int(rng.integers(2**31)))
+        shown = (survey, site) if seen is None else (survey, site, seen)
+        if hasattr(algorithm, "skip") and (reason := algorithm.skip(*shown)):
+            return Outcome(skipped=str(reason))
         protocol = options.get("protocol") or ("leave_one_out" if query is None else "survey_to_query")
         start = perf_counter()
         position = PROTOCOLS[protocol](algorithm, survey, query)

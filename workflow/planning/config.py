@@ -142,6 +142,14 @@ def resolve(config: Mapping[str, Any], root: Path = Path()) -> dict[str, Study]:
     InputError
         For the first thing that is wrong, before any job starts.
     """
+    config = in_order(config, read_yaml(root / "config/config.yaml"))
+    for name, study in config.get("studies", {}).items():
+        if isinstance(study, Mapping) and "paper" not in study:
+            raise InputError(
+                f"studies.{name}",
+                "it names no paper; is it in an overlay only",
+                "Add the study to config/config.yaml, or take it out of the overlay",
+            )
     check_schema(config, root / SCHEMAS / "config.schema.yaml", "config")
     papers = sorted(path.stem for path in (root / PAPERS).glob("*.yaml"))
     studies = {}
@@ -174,6 +182,25 @@ def resolve(config: Mapping[str, Any], root: Path = Path()) -> dict[str, Study]:
             _check_synthetic(study, paper, root)
         studies[name] = study
     return studies
+
+
+def in_order(config: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a configuration in the order of the file that it extends, without what is set to null.
+
+    Snakemake puts the keys of an overlay in front. Order matters: the first family of worlds is the
+    one that calibrates and that claims speak of, and rows stand in the table as they stand here.
+    """
+    keys = [*(key for key in base if key in config), *(key for key in config if key not in base)]
+    ordered = {}
+    for key in keys:
+        value, below = config[key], base.get(key)
+        if isinstance(value, Mapping):
+            value = in_order(value, below if isinstance(below, Mapping) else {})
+        ordered[key] = value
+    for part in ("studies", "families", "recordings", "algorithms", "sweeps"):
+        if isinstance(ordered.get(part), Mapping):
+            ordered[part] = {name: entry for name, entry in ordered[part].items() if entry is not None}
+    return ordered
 
 
 def check_schema(value: Any, schema: Path, name: str) -> None:

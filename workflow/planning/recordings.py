@@ -18,6 +18,12 @@ def files_of(source: str, realdata: Path) -> list[str]:
     return [str(folder / file) for file in files] or sorted(str(p) for p in folder.glob("*") if p.is_file())
 
 
+def registered_sources() -> set[str]:
+    """Return the sources that the register knows."""
+    with REGISTER.open(encoding="utf-8", newline="") as lines:
+        return {row["source"] for row in csv.DictReader(lines)}
+
+
 def drop_absent(studies: dict[str, Study], realdata: Path) -> dict[str, Study]:
     """Return the studies without recordings whose files are absent, with one line on each study."""
     kept = {}
@@ -31,9 +37,14 @@ def drop_absent(studies: dict[str, Study], realdata: Path) -> dict[str, Study]:
             else:
                 missing[recording] = (absent or [str(realdata / options["source"])])[0]
         if missing:
+            first = next(iter(missing))
+            registered = study.recordings[first]["source"] in registered_sources()
+            cure = (
+                f"{REGISTER} tells where to get it" if registered else "make this folder or correct `source`"
+            )
             print(
-                f"{name}: {', '.join(missing)} skipped, {next(iter(missing.values()))} is absent;"
-                f" {REGISTER} tells where to get it, folders.realdata where it belongs",
+                f"{name}: {', '.join(missing)} skipped, {missing[first]} is absent; {cure};"
+                " folders.realdata names the folder above it",
                 file=sys.stderr,
             )
         if present or not study.recordings:

@@ -89,7 +89,14 @@ def of_all_rows(pattern):
 
 
 def study_outputs(study):
+    raw = [
+        f"{RESULTS}/{what}/{study}/{row}/{batch}.{ending}"
+        for what, ending in (("estimates", "npz"), ("errors", "parquet"))
+        for row in STUDIES[study].rows
+        for batch in STUDIES[study].batches(row)
+    ]
     return [
+        *raw,
         f"{RESULTS}/tables/{study}.csv",
         f"{RESULTS}/claims/{study}.csv",
         f"{RESULTS}/figures/{study}",

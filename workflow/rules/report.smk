@@ -59,6 +59,27 @@ rule manifest:
         "../scripts/manifest.py"
 
 
+rule study_manifest:
+    input:
+        tables=f"{RESULTS}/tables/{{study}}.csv",
+        code=code("workflow/scripts/manifest.py"),
+    output:
+        f"{RESULTS}/manifests/{{study}}.json",
+    log:
+        f"{RESULTS}/logs/manifests/{{study}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/study_manifest/{{study}}.tsv"
+    conda:
+        ENVIRONMENT
+    params:
+        config=lambda w: {**config, "studies": {w.study: config["studies"][w.study]}},
+        benchmarks=f"{RESULTS}/benchmarks",
+    message:
+        "{wildcards.study}: write down what the numbers came from"
+    script:
+        "../scripts/manifest.py"
+
+
 rule page:
     input:
         table=f"{RESULTS}/tables/{{study}}.csv",
@@ -70,7 +91,7 @@ rule page:
         calibration=lambda w: (
             f"{RESULTS}/calibration/{w.study}.json" if study_of(w).calibrate else []
         ),
-        manifest=f"{RESULTS}/manifest.json",
+        manifest=f"{RESULTS}/manifests/{{study}}.json",
         sources=lambda w: "data/sources.csv" if study_of(w).recordings else [],
         templates=TEMPLATES,
         code=code("workflow/scripts/page.py"),

@@ -17,13 +17,15 @@ from positioning.joblog import logging_to
 PACKAGES = ("numpy", "scipy", "scikit-learn", "pandas", "matplotlib", "snakemake", "pyarrow")
 
 
-def main(config: Mapping[str, Any], benchmarks: str, output: str) -> None:
-    """Collect and write; outside a git checkout the commit is unknown, which is said."""
+def main(config: Mapping[str, Any], benchmarks: str, study: str | None, output: str) -> None:
+    """Collect and write, for one study or for all; outside a git checkout the commit is unknown."""
     commit = _git("rev-parse", "HEAD") or "unknown"
     seconds: dict[str, float] = defaultdict(float)
     memory: dict[str, float] = defaultdict(float)
     for path in sorted(Path(benchmarks).rglob("*.tsv")):
-        rule = path.relative_to(benchmarks).parts[0]
+        rule, *rest = path.relative_to(benchmarks).with_suffix("").parts
+        if study is not None and rest[0] != study:
+            continue
         with path.open(encoding="utf-8", newline="") as lines:
             for line in csv.DictReader(lines, delimiter="\t"):
                 seconds[rule] += float(line["s"])
@@ -64,4 +66,9 @@ def _processor() -> str:
 
 if __name__ == "__main__":
     with logging_to(snakemake.log[0]):
-        main(snakemake.params.config, snakemake.params.benchmarks, snakemake.output[0])
+        main(
+            snakemake.params.config,
+            snakemake.params.benchmarks,
+            snakemake.wildcards.get("study"),
+            snakemake.output[0],
+        )

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from positioning.errors import InputError
 from positioning.files import write_tree
 from positioning.joblog import logging_to
 from positioning.recordings.register import check_files
@@ -20,9 +21,15 @@ def main(members: Mapping[str, Mapping[str, Any]], realdata: str, observed: str,
     sides: dict[str, dict[str, Any]] = {"observed": {}, "truth": {}}
     for family, options in members.items():
         folder = Path(realdata) / options["source"]
-        check_files(folder, options["source"])
         adapter = import_module(f"positioning.recordings.{options['adapter']}")
-        worlds = adapter.load(folder, **{k: v for k, v in options.items() if k not in ("adapter", "source")})
+        given = {k: v for k, v in options.items() if k not in ("adapter", "source")}
+        try:
+            check_files(folder, options["source"])
+            worlds = adapter.load(folder, **given)
+        except InputError as error:
+            raise InputError(
+                f"recording {family} in {folder}, {error.thing}", error.limit, error.cure
+            ) from error
         index = {"world": np.zeros(1, dtype=int), "seed": np.zeros(1, dtype=int)}
         sides["observed"][family] = {**index, **worlds.observed}
         sides["truth"][family] = {**index, **worlds.truth}
