@@ -352,7 +352,7 @@ def test_best_row_is_no_control_and_no_resubstitution(built):
 def test_quick_builds_say_so(built):
     quick = render(built, "quick", quick=True)
     for name in (f"{STUDY}.html", "index.html"):
-        assert "needs at least 39" in Page(quick[name]).text
+        assert "39 worlds decide" in Page(quick[name]).text
         assert "Quick build" not in built[name]
 
 

@@ -115,9 +115,10 @@ def _world(results: StudyResults, family: str) -> Drawn:
         name="world",
         figure=figure,
         title="One synthetic world",
-        caption=f"World {number} of {_worlds(results, family)}: walls with doors, {count} surveyed places"
+        caption=f"World {number + 1} of {_worlds(results, family)}: walls with doors, {count} surveyed places"
         f" (n = {count}), {len(access_point_m)} access points (triangles). Colour is the true mean signal of"
-        " access point 1, before fading and rounding; areas without places are closed.",
+        " access point 1, before fading and rounding; rooms without places are closed,"
+        " and furniture stands where a place is missing.",
         alt=f"Floor plan of {size_m[0]:.0f} by {size_m[1]:.0f} metres with {count} surveyed places and"
         f" {len(access_point_m)} access points; the signal of access point 1 falls from"
         f" {field_dbm[:, 0].max():.0f} dBm beside it to {field_dbm[:, 0].min():.0f} dBm behind the walls.",
