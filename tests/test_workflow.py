@@ -42,16 +42,13 @@ OUTCOMES = {
     "join all claims into one ledger",
     "compare all verdicts with the accepted ones",
     "write down what the numbers came from",
+    "fingerprint_loo: write down what the numbers came from",
     "write the front page",
 }
 
 
 def jobs(row: str) -> set[str]:
-    return {
-        f"fingerprint_loo: {what} {row} on worlds from {b}"
-        for what in ("run", "score")
-        for b in ("00000", "00002")
-    }
+    return {f"fingerprint_loo: {what} {row} on worlds from 00000" for what in ("run", "score")}
 
 
 def is_run(message: str) -> bool:
@@ -102,7 +99,9 @@ def test_more_worlds_plan_only_the_new_batches(copy: Project) -> None:
 
 
 def test_edited_figure_code_runs_no_algorithm(copy: Project) -> None:
-    copy.edit("positioning/presentation/style.py", "import", "# A nicer line.\nimport")
+    copy.edit(
+        "positioning/presentation/style.py", "\nfrom collections", "\n# A nicer line.\nfrom collections"
+    )
     planned = copy.plan()
     assert "fingerprint_loo: draw the figures" in planned
     assert planned <= OUTCOMES | {"all"}
@@ -185,9 +184,10 @@ def test_wrong_configuration_stops_before_any_job(copy: Project) -> None:
     copy.configure(lambda c: c["studies"]["fingerprint_loo"]["algorithms"].update(wknnn={}))
     done = copy.snakemake("-n", check=False)
     assert done.returncode != 0
-    assert "wknn" in done.stderr
-    assert "Did you mean" in done.stderr
-    assert "Traceback" not in done.stderr
+    said = done.stdout + done.stderr
+    assert "'wknnn'" in said
+    assert "Did you mean 'wknn'" in said
+    assert "Traceback" not in said
 
 
 def test_the_guide_s_own_commands_add_an_algorithm(built: Project, tmp_path: Path) -> None:
