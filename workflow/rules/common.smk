@@ -1,6 +1,6 @@
 # Helper functions of the rules: the plan of the configuration, and which code a job depends on.
-import os
 import re
+import shlex
 import sys
 from pathlib import Path
 
@@ -13,10 +13,8 @@ from positioning.errors import InputError
 from positioning.files import read_yaml
 from snakemake.exceptions import WorkflowError
 
-# Snakemake hands the interpreter's path to a shell without quotes (its issue 2645); seen from here,
-# the path of an environment in this folder has no space, wherever the folder lies.
-if " " in sys.executable:
-    sys.executable = os.path.relpath(sys.executable)
+# Snakemake hands the interpreter's path to a shell without quotes (its issue 2645).
+sys.executable = shlex.quote(sys.executable)
 
 try:
     STUDIES = drop_absent(resolve(config), Path(config["folders"]["realdata"]))
