@@ -13,6 +13,8 @@ export OPENBLAS_NUM_THREADS := 1
 export XDG_CACHE_HOME ?= $(CURDIR)/.cache
 export MPLCONFIGDIR ?= $(CURDIR)/.cache/matplotlib
 export PYTHONHASHSEED := 0
+# Jobs start sooner when the bytecode of this project is kept, too.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: all quick test report lint format lock bench accept setup clean
 .DEFAULT_GOAL := all

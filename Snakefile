@@ -27,6 +27,8 @@ rule all:
         [file for study in STUDIES for file in study_outputs(study)],
         f"{REPORTS}/index.html",
         f"{RESULTS}/accepted.txt",
+    message:
+        f"all is there: {REPORTS}/index.html"
 
 
 for name in STUDIES:
