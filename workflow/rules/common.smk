@@ -86,6 +86,14 @@ def of_all_rows(pattern):
     ]
 
 
+def batches_of_rows():
+    """Which batches each row of each study has now: older builds may have left others behind."""
+    return {
+        name: {row: study.batches(row) for row in study.rows}
+        for name, study in STUDIES.items()
+    }
+
+
 def study_outputs(study):
     raw = [
         f"{RESULTS}/{what}/{study}/{row}/{batch}.{ending}"

@@ -53,6 +53,7 @@ rule manifest:
     params:
         config=config,
         benchmarks=f"{RESULTS}/benchmarks",
+        batches=batches_of_rows(),
     message:
         "write down what the numbers came from"
     script:
@@ -74,6 +75,7 @@ rule study_manifest:
     params:
         config=lambda w: {**config, "studies": {w.study: config["studies"][w.study]}},
         benchmarks=f"{RESULTS}/benchmarks",
+        batches=batches_of_rows(),
     message:
         "{wildcards.study}: write down what the numbers came from"
     script:

@@ -6,7 +6,7 @@ import json
 import platform
 import subprocess
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,13 @@ from positioning.joblog import logging_to
 PACKAGES = ("numpy", "scipy", "scikit-learn", "pandas", "matplotlib", "snakemake", "pyarrow")
 
 
-def main(config: Mapping[str, Any], benchmarks: str, study: str | None, output: str) -> None:
+def main(
+    config: Mapping[str, Any],
+    benchmarks: str,
+    batches: Mapping[str, Mapping[str, Sequence[str]]],
+    study: str | None,
+    output: str,
+) -> None:
     """Collect and write, for one study or for all; outside a git checkout the commit is unknown."""
     commit = _git("rev-parse", "HEAD") or "unknown"
     seconds: dict[str, float] = defaultdict(float)
@@ -26,6 +32,8 @@ def main(config: Mapping[str, Any], benchmarks: str, study: str | None, output: 
         rule, *rest = path.relative_to(benchmarks).with_suffix("").parts
         if study is not None and rest[0] != study:
             continue
+        if len(rest) == 3 and rest[2] not in batches.get(rest[0], {}).get(rest[1], ()):
+            continue  # left behind by a build with other rows or batches
         with path.open(encoding="utf-8", newline="") as lines:
             for line in csv.DictReader(lines, delimiter="\t"):
                 seconds[rule] += float(line["s"])
@@ -69,6 +77,7 @@ if __name__ == "__main__":
         main(
             snakemake.params.config,
             snakemake.params.benchmarks,
+            snakemake.params.batches,
             snakemake.wildcards.get("study"),
             snakemake.output[0],
         )
