@@ -1,4 +1,4 @@
-"""The verdict on each claim of a paper: printed numbers beside rebuilt ones, by rules fixed beforehand.
+"""The verdict on each claim of a paper: printed numbers beside rebuilt ones, by the same rules for all.
 
 A claim says where it stands in the paper, its digits as printed, what quantity of the study it
 speaks of, and its kind:
