@@ -7,7 +7,7 @@ world has none. Units stand in the names; ``NaN`` in a received signal strength 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -51,6 +51,11 @@ class _Part:
         """Return the fields that are set, named as in a file."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
         return {f"{self.prefix()}.{name}": v for name, v in values.items() if v is not None}
+
+    def at(self, index: int) -> Self:
+        """Take one out of a stack: the leading axis of every array goes."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
+        return type(self)(**{name: None if v is None else v[index] for name, v in values.items()})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,12 +170,124 @@ class Truth(_Part):
         Standard deviation of the fading of a scan about ``field_dbm``, [...], dB.
     floor_dbm
         Detection floor, [...], dBm: a rounded reading below it is not heard.
+    heading_rad
+        True heading at each epoch of a recording, [..., n], radians, not wrapped.
+    distance_m
+        True distance to each beacon at each epoch, [..., n, b], metres.
+    law_distance_m, law_dbm
+        Mean received signal strength by distance, of all beacons alike: knots of a piecewise linear
+        curve, [..., g], metres and dBm.
+    offset_dbm
+        What a place adds to the law for each beacon, [..., gx, gy, b], dB: nodes of a grid from corner to
+        corner of the site, bilinear between them.
+    grid_m
+        Distance of these nodes, [...], metres.
+    deviation_db
+        Standard deviation of the reading of an epoch about its mean, [...], dB.
+    turn_noise_rad, advance_noise_m, drift_noise_rad_per_m
+        Standard deviations of the true motion about the recorded one, [...]: of each turn, of each
+        translation, and of the drift of the heading per metre of it.
+    furniture_m
+        Lower left and upper right corners of pieces of furniture, [..., f, 2, 2], metres; NaN fills up.
     """
 
     position_m: Array
     field_dbm: Array | None = None
     noise_db: Array | None = None
     floor_dbm: Array | None = None
+    heading_rad: Array | None = None
+    distance_m: Array | None = None
+    law_distance_m: Array | None = None
+    law_dbm: Array | None = None
+    offset_dbm: Array | None = None
+    grid_m: Array | None = None
+    deviation_db: Array | None = None
+    turn_noise_rad: Array | None = None
+    advance_noise_m: Array | None = None
+    drift_noise_rad_per_m: Array | None = None
+    furniture_m: Array | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration(_Part):
+    """A run that tells how received strength goes with distance, made before anything is located.
+
+    Attributes
+    ----------
+    distance_m
+        True distance between transmitter and receiver, [..., n], metres; NaN fills up.
+    rss_dbm
+        Received signal strength there, [..., n], dBm; NaN = not heard.
+    """
+
+    distance_m: Array
+    rss_dbm: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording(_Part):
+    """What a moving receiver (or transmitter) recorded, epoch after epoch.
+
+    Runs of different length share one array: after its end a run is filled up with NaN.
+
+    Attributes
+    ----------
+    time_s
+        Time of each epoch, [..., n], seconds; NaN after the end.
+    rss_dbm
+        Received signal strength, [..., n, ap], dBm; NaN = not heard.
+    range_m
+        Measured distance to each access point, [..., n, ap], metres, where the device gives distances
+        itself; NaN = none.
+    turn_before_rad, advance_m, turn_after_rad
+        Commanded or measured motion since the epoch before: a turn, a straight line, a second turn,
+        [..., n], radians and metres; None where nothing is known of the motion. At the first epoch
+        they are zero.
+    start_heading_rad
+        Heading at the first epoch, [...], radians from the x axis to the left; NaN or None where
+        nobody noted it.
+    """
+
+    time_s: Array
+    rss_dbm: Array | None = None
+    range_m: Array | None = None
+    turn_before_rad: Array | None = None
+    advance_m: Array | None = None
+    turn_after_rad: Array | None = None
+    start_heading_rad: Array | None = None
+
+    def until(self, count: int) -> Recording:
+        """Return the first ``count`` epochs."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        axis = self.time_s.ndim - 1
+        return Recording(
+            **{
+                name: v[(slice(None),) * axis + (slice(count),)] if v is not None and v.ndim > axis else v
+                for name, v in values.items()
+            }
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Track:
+    """Where a receiver was, and how sure that is.
+
+    Attributes
+    ----------
+    time_s
+        [..., n], seconds, as in the recording.
+    position_m
+        [..., n, 2], metres; NaN after the end of the recording.
+    covariance_m2
+        Covariance of the position, [..., n, 2, 2], square metres; NaN after the end.
+    extra
+        Whatever else the algorithm wants to keep, each [..., n] or [..., n, part].
+    """
+
+    time_s: Array
+    position_m: Array
+    covariance_m2: Array
+    extra: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
 
 
 def world(arrays: Arrays, index: int) -> dict[str, NDArray[np.generic]]:

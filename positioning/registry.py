@@ -1,4 +1,7 @@
-"""From a configuration line to an algorithm: one file an algorithm, or any scikit-learn regressor."""
+"""From a configuration line to an algorithm: one file an algorithm, or any scikit-learn regressor.
+
+A setting may itself be an algorithm, ``{use: ...}``: a tracker has its ranging and its trilateration.
+"""
 
 import importlib
 import inspect
@@ -42,22 +45,9 @@ def factory(use: str, task: str, parameters: Mapping[str, Any]) -> Factory:
                 "Name a scikit-learn regressor's class",
             )
     else:
-        module = importlib.import_module(f"algorithms.{task}.{use}")
-        cls = getattr(module, class_name(use), None)
-        if cls is None:
-            raise InputError(
-                f"algorithms/{task}/{use}.py",
-                f"it defines no class {class_name(use)}",
-                "Name the class like the file, in CamelCase",
-            )
+        cls = _own_class(use, task)
     known = inspect.signature(cls).parameters
-    for name in parameters:
-        if name not in known:
-            raise InputError(
-                f"algorithm {use}, parameter {name}",
-                f"its constructor takes {', '.join(known) or 'no parameters'}",
-                "Correct the line in config/config.yaml",
-            )
+    _refuse_unknown(parameters, known, use)
 
     def make(**context: Any) -> Any:
         given = {name: _built(value) for name, value in parameters.items()}
@@ -66,6 +56,55 @@ def factory(use: str, task: str, parameters: Mapping[str, Any]) -> Factory:
 
     make.algorithm_class = cls  # type: ignore[attr-defined]
     return make
+
+
+def build(line: Mapping[str, Any]) -> Any:
+    """Build an algorithm that is part of another one: ``{use: <name>, task: <folder>, ...}``.
+
+    A library's class is called as it is, with the line's other keys.
+
+    Parameters
+    ----------
+    line
+        ``use`` names a file of ``algorithms/<task>/`` or the dotted name of a library's class; the
+        planning of a configuration adds ``task``. All other keys go to the constructor.
+
+    Raises
+    ------
+    InputError
+        For a class that does not exist or does not take a parameter.
+    """
+    use, parameters = line["use"], {k: v for k, v in line.items() if k not in ("use", "task")}
+    if "." in use:
+        cls = _library_class(use)
+    elif "task" in line:
+        cls = _own_class(use, line["task"])
+        _refuse_unknown(parameters, inspect.signature(cls).parameters, use)
+    else:
+        raise InputError(f"algorithm {use}", "the line does not name its task", "Add task: to the line")
+    return cls(**{name: _built(value) for name, value in parameters.items()})
+
+
+def _refuse_unknown(parameters: Mapping[str, Any], known: Mapping[str, Any], use: str) -> None:
+    for name in parameters:
+        if name not in known:
+            raise InputError(
+                f"algorithm {use}, parameter {name}",
+                f"its constructor takes {', '.join(known) or 'no parameters'}",
+                "Correct the line in config/config.yaml",
+            )
+
+
+def _own_class(use: str, task: str) -> Any:
+    module = importlib.import_module(f"algorithms.{task}.{use}")
+    cls = getattr(module, class_name(use), None)
+    if cls is None:
+        raise InputError(
+            f"algorithms/{task}/{use}.py",
+            f"it defines no class {class_name(use)}",
+            "Name the class like the file, in CamelCase",
+        )
+    return cls
 
 
 def _library_class(use: str) -> Any:
@@ -84,10 +123,8 @@ def _library_class(use: str) -> Any:
 
 
 def _built(value: Any) -> Any:
-    """Build a setting that is itself an object of a library, like a kernel: ``{use: ..., ...}``."""
-    if isinstance(value, Mapping) and "use" in value:
-        return _library_class(value["use"])(**{k: _built(v) for k, v in value.items() if k != "use"})
-    return value
+    """Build a setting that is itself an algorithm, or an object of a library like a kernel."""
+    return build(value) if isinstance(value, Mapping) and "use" in value else value
 
 
 def _with_inputs_prepared(regressor: Any) -> Any:

@@ -22,6 +22,7 @@ from positioning.errors import InputError
 from positioning.evaluation.claims import COLUMNS, VERDICTS, quantities
 from positioning.evaluation.measures import MEASURES, PAIRED, TABLE
 from positioning.files import read_yaml, write_tree
+from positioning.model import Worlds
 from positioning.recordings.register import COLUMNS as REGISTER_COLUMNS
 from positioning.registry import class_name
 from positioning.seeds import stream
@@ -270,16 +271,20 @@ def test_every_setting_of_an_algorithm_is_explained_with_its_default() -> None:
     table = tables_of(section(read("config/README.md"), "Settings of the algorithms"))[0]
     told = {(line[0].strip("`"), line[1].strip("`")): yaml.safe_load(line[3]) for line in table[1:]}
     assert len(told) == len(table) - 1
-    # Those of the table and of the paper's rows; a user's own algorithm needs no line.
-    entries = read_yaml(ROOT / "config/config.yaml")["studies"]["fingerprint_loo"]["algorithms"]
-    rows = {q["algorithm"] for c in claims_of_the_paper() for q in quantities(c) if "algorithm" in q}
-    names = {name for name, _ in told} | {(entries[row] or {}).get("use", row) for row in rows}
+    # Those of the table and of the papers' rows; a user's own algorithm needs no line.
+    names = {name for name, _ in told}
+    for study in read_yaml(ROOT / "config/config.yaml")["studies"].values():
+        claims = read_yaml(ROOT / f"data/papers/{study['paper']}.yaml")["claims"]
+        rows = {q["algorithm"] for c in claims for q in quantities(c) if "algorithm" in q}
+        entries = study["algorithms"]
+        names |= {(entries[row] or {}).get("use", row) for row in rows & entries.keys()}
     expected = {}
-    for name in names:
-        cls = getattr(importlib.import_module(f"algorithms.fingerprinting.{name}"), class_name(name))
-        for parameter in inspect.signature(cls).parameters.values():
-            if parameter.name not in CONTEXT:
-                expected[name, parameter.name] = parameter.default
+    for path in (ROOT / "algorithms").glob("*/*.py"):
+        if path.stem in names:
+            module = importlib.import_module(f"algorithms.{path.parent.name}.{path.stem}")
+            for parameter in inspect.signature(getattr(module, class_name(path.stem))).parameters.values():
+                if parameter.name not in CONTEXT:
+                    expected[path.stem, parameter.name] = parameter.default
     assert told == expected
 
 
@@ -344,11 +349,15 @@ def worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = simulate(
         {name: setting["value"] for name, setting in settings.items()}, [stream(1, "fingerprint_loo")]
     )
-    index = {"world": np.arange(1), "seed": np.ones(1, dtype=int)}
-    target = folder / "data/synthetic/fingerprint_loo/00000"
-    write_tree(target / "observed.npz", {"floor": {**index, **made.observed}})
-    write_tree(target / "truth.npz", {"floor": {**index, **made.truth}})
+    write_worlds(folder, "fingerprint_loo", "floor", made)
     return folder
+
+
+def write_worlds(folder: Path, study: str, family: str, made: Worlds) -> None:
+    index = {"world": np.arange(1), "seed": np.ones(1, dtype=int)}
+    target = folder / f"data/synthetic/{study}/00000"
+    write_tree(target / "observed.npz", {family: {**index, **made.observed}})
+    write_tree(target / "truth.npz", {family: {**index, **made.truth}})
 
 
 def test_the_example_reads_worlds_with_numpy_alone(worlds: Path) -> None:
@@ -362,16 +371,28 @@ def test_the_example_reads_worlds_with_numpy_alone(worlds: Path) -> None:
     assert set(re.findall(r"import (\w+)", example)) == {"numpy"}
 
 
-def test_every_array_of_the_worlds_is_explained(worlds: Path) -> None:
+SYNTHETIC = [
+    (name, study["paper"])
+    for name, study in read_yaml(ROOT / "config/config.yaml")["studies"].items()
+    if "recordings" not in study
+]
+
+
+@pytest.mark.parametrize(("study", "paper"), SYNTHETIC)
+def test_every_array_of_the_worlds_is_explained(study: str, paper: str) -> None:
     told = {
         line[0].strip("`"): line for line in tables_of(section(read("docs/data-formats.md"), "Worlds"))[0][1:]
     }
-    for side in ("observed", "truth"):
-        with np.load(worlds / f"data/synthetic/fingerprint_loo/00000/{side}.npz") as archive:
-            for name in archive.files:
-                line = told[name.removeprefix("floor/")]
-                assert line[3] in (side, "both")
-                assert len(line[1].strip("[]").split(",")) == archive[name].ndim
+    told |= {name.strip("` "): line for line in told.values() for name in line[0].split(",")}
+    settings = read_yaml(ROOT / f"data/papers/{paper}.yaml")["settings"][study]
+    module = importlib.import_module(f"positioning.simulation.{study}")
+    made = module.simulate({name: s["value"] for name, s in settings.items()}, [stream(1, study)])
+    for side, arrays in (("observed", made.observed), ("truth", made.truth)):
+        for name, values in arrays.items():
+            line = told[name]
+            assert line[3] in (side, "both")
+            shapes = re.findall(r"\[([^]]*)\]", line[1])
+            assert values.ndim in [len(shape.split(",")) for shape in shapes], name
 
 
 def test_the_guide_names_the_template_and_lines_that_exist() -> None:

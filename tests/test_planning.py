@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from planning.recordings import drop_absent, files_of
 
 from positioning.errors import InputError
 from positioning.evaluation.claims import quantities
+from positioning.simulation.settings import calibrated_settings
 
 
 @pytest.fixture(autouse=True)
@@ -53,6 +55,29 @@ WRONG = {
     ),
     "no worlds": (lambda s: s.update(worlds=0), ["studies.fingerprint_loo.worlds", "0", "at least 1"]),
     "worlds as text": (lambda s: s.update(worlds="many"), ["fingerprint_loo.worlds", "'many'", "integer"]),
+    "control of several tasks alone": (
+        lambda s: s.update(algorithms={"control_centre": {}}, reference="control_centre", sweeps={}),
+        ["algorithms.control_centre", "fingerprinting, tracking", "task:"],
+    ),
+    "unknown part": (
+        lambda s: s.update(
+            algorithms={"wknn": {}, "a": {"use": "trilateration_alone", "ranging": {"use": "path_los"}}}
+        ),
+        ["algorithms.a.ranging", "'path_los'", "'path_loss'"],
+    ),
+    "unknown setting of a part": (
+        lambda s: s.update(
+            algorithms={
+                "wknn": {},
+                "a": {"use": "trilateration_alone", "ranging": {"use": "path_loss", "nearest": 1}},
+            }
+        ),
+        ["algorithms.a.ranging.nearest", "parameter of path_loss", "nearest_m"],
+    ),
+    "unknown family of a calibration": (
+        lambda s: s["calibrate"][0].update(family="flor"),
+        ["calibrate[0].family", "'flor'", "'floor'"],
+    ),
     "seeds overlap": (
         lambda s: s["calibrate"][0].update(first_seed=1001),
         ["calibrate[0]", "1001 to 1002", "1000 to 1001", "first_seed"],
@@ -118,7 +143,14 @@ def test_every_claim_speaks_of_rows_that_are_configured() -> None:
         for claim in paper["claims"]:
             if claim["study"] == study.name:
                 named = {q.get("algorithm", q.get("sweep")) for q in quantities(claim)}
-                assert named <= set(study.rows), claim["id"]
+                assert named <= set(study.rows) | own_rows(study.name), claim["id"]
+
+
+def own_rows(study: str) -> set[str]:
+    """Rows that are no algorithms: what a study's own measures tell of its worlds."""
+    if not (ROOT / f"positioning/evaluation/studies/{study}.py").is_file():
+        return set()
+    return set(getattr(import_module(f"positioning.evaluation.studies.{study}"), "ROWS", ()))
 
 
 TABLE_1 = {
@@ -199,6 +231,30 @@ def test_settings_of_a_family_win_over_those_of_the_study_and_of_the_paper() -> 
     assert (families["a"]["grid_m"], families["b"]["grid_m"]) == (2.0, 1.0)
 
 
+def test_controls_have_the_task_of_the_other_rows_and_parts_of_a_row_are_its_code() -> None:
+    studies = resolve(shipped())
+    assert studies["fingerprint_loo"].entries["control_oracle"].task == "fingerprinting"
+    bluetooth = studies["bluetooth_robot"].entries
+    assert bluetooth["control_oracle"].source == "algorithms/tracking/control_oracle.py"
+    assert bluetooth["particle_filter_path_loss"].sources == [
+        "algorithms/tracking/particle_filter.py",
+        "algorithms/ranging/path_loss.py",
+    ]
+    assert bluetooth["iterative_absolute_path_loss"].options == {
+        "ranging": {"use": "path_loss", "task": "ranging"}
+    }
+    assert bluetooth["iterative_absolute_path_loss"].sources[1] == "algorithms/ranging/path_loss.py"
+
+
+def test_a_calibrated_setting_holds_in_its_family_or_in_all() -> None:
+    steps: list[dict[str, Any]] = [
+        {"setting": "noise_db", "value": 4.0, "family": None},
+        {"setting": "fringe_db", "value": 2.0, "family": "ambiguity"},
+    ]
+    assert calibrated_settings(steps, "ambiguity") == {"noise_db": 4.0, "fringe_db": 2.0}
+    assert calibrated_settings(steps, "shadowing") == {"noise_db": 4.0}
+
+
 def test_code_is_followed_through_local_imports_only() -> None:
     files = code_of("algorithms/fingerprinting/wknn.py")
     assert "algorithms/fingerprinting/wknn.py" in files
@@ -236,9 +292,11 @@ def test_a_study_without_its_recordings_is_skipped_with_one_line(
     assert "fingerprint_real" not in kept
     assert "fingerprint_loo" in kept
     said = capsys.readouterr().err.splitlines()
-    assert len(said) == 1
-    assert all(part in said[0] for part in ("fingerprint_real", "skipped", "sources.csv", "realdata"))
-    assert all(recording in said[0] for recording in studies["fingerprint_real"].recordings)
+    recorded = [study for study in studies.values() if study.recordings]
+    assert len(said) == len(recorded) > 1
+    for line, study in zip(said, recorded, strict=True):
+        assert all(part in line for part in (study.name, "skipped", "sources.csv", "realdata"))
+        assert all(recording in line for recording in study.recordings)
 
 
 def test_an_unregistered_source_is_all_that_its_folder_holds(tmp_path: Path) -> None:

@@ -221,7 +221,14 @@ def built(tmp_path_factory):
     }
     write_tree(folder / "observed.npz", {"floor": {**index, **observed}})
     write_tree(folder / "truth.npz", {"floor": {**index, "truth.field_dbm": -places[..., [0, 1, 1]]}})
-    steps = {"setting": "noise_db", "value": 4.321, "row": "wknn", "metric": "mean_m", "claim": "t.wknn"}
+    steps = {
+        "setting": "noise_db",
+        "family": None,
+        "value": 4.321,
+        "row": "wknn",
+        "metric": "mean_m",
+        "claim": "t.wknn",
+    }
     steps |= {"printed": "3.00", "reached": 3.0003, "worlds": 20, "first_seed": 900, "settings_tried": 7}
     write_json(folder / "calibration.json", [steps])
     write_json(folder / "manifest.json", {"commit": "0abc", "dirty": True, "versions": {"numpy": "2.4"}})

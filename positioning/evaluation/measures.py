@@ -12,6 +12,7 @@ from positioning.evaluation.statistics import paired_difference, single_experime
 MEASURES = ["family", "algorithm", "value", "world", "metric", "x"]
 TABLE = ["algorithm", "family", "worlds", "n", "mean_m", "se_m", "sd_worlds_m", "rmse_m"]
 TABLE += ["p50_m", "p75_m", "p90_m", "p95_m", "max_m", "mean_low_m", "mean_high_m"]
+NO_ANSWER = "it has no solution for any sample"
 PAIRED = ["family", "algorithm", "against", "difference_m", "low_m", "high_m", "share_smaller", "n", "unit"]
 
 
@@ -57,7 +58,7 @@ def table(
     published
         Printed digits by (family, algorithm) and metric.
     """
-    metrics = sorted({metric for numbers in published.values() for metric in numbers})
+    metrics = sorted({metric for numbers in published.values() for metric in numbers} & METRICS.keys())
     lines = []
     keys = ["family", "algorithm", "world"]
     wide = measures.pivot_table(index=keys, columns="metric", values="x").reset_index()
@@ -68,15 +69,14 @@ def table(
                 f"published_{metric}": published.get((family, algorithm), {}).get(metric, "")
                 for metric in metrics
             }
-            line["note"] = skipped.get((family, algorithm), "")
+            worlds = wide[(wide["family"] == family) & (wide["algorithm"] == algorithm)]
+            line["note"] = skipped.get((family, algorithm), NO_ANSWER if worlds.empty else "")
             if not line["note"]:
-                chosen = (wide["family"] == family) & (wide["algorithm"] == algorithm)
-                worlds = wide[chosen]
                 interval = single_experiment_interval(worlds["mean_m"].to_numpy(dtype=float))
                 line |= {name: worlds[name].mean() for name in METRICS}
                 line |= {
                     "worlds": len(worlds),
-                    "n": int(worlds["n"].iloc[0]),
+                    "n": round(worlds["n"].mean()),
                     "sd_worlds_m": worlds["mean_m"].std(ddof=1),
                     "mean_low_m": interval.low if len(worlds) > 1 else np.nan,
                     "mean_high_m": interval.high if len(worlds) > 1 else np.nan,
@@ -86,11 +86,17 @@ def table(
     return pd.DataFrame(lines, columns=columns).astype({"worlds": "Int64", "n": "Int64"})
 
 
-def paired(errors: Mapping[str, pd.DataFrame], rows: Sequence[str], families: Sequence[str]) -> pd.DataFrame:
-    """Return paired differences of mean errors between all rows of a table, on the same worlds.
+def paired(
+    errors: Mapping[str, pd.DataFrame],
+    rows: Sequence[str],
+    families: Sequence[str],
+    quantities: Mapping[str, str] | None = None,
+) -> pd.DataFrame:
+    """Return paired differences of mean errors between the rows of a table, on the same worlds.
 
-    Where a family is a single recording, the samples of that recording are the pairs; that is said
-    in the column ``unit``, because samples of one place are not independent of each other.
+    Only rows whose errors are of the same quantity are compared. Where a family is a single recording,
+    the samples of that recording are the pairs; that is said in the column ``unit``, because samples of
+    one place are not independent of each other.
 
     Parameters
     ----------
@@ -98,6 +104,8 @@ def paired(errors: Mapping[str, pd.DataFrame], rows: Sequence[str], families: Se
         Raw errors by row.
     rows, families
         As in `table`.
+    quantities
+        What the errors of each row are errors of; None where all are of one quantity.
     """
     lines = []
     for family in families:
@@ -110,7 +118,9 @@ def paired(errors: Mapping[str, pd.DataFrame], rows: Sequence[str], families: Se
             values[row] = own.groupby(unit)["error_m"].mean()
         for algorithm in present:
             for against in present:
-                if algorithm != against:
+                if algorithm != against and (
+                    quantities is None or quantities[algorithm] == quantities[against]
+                ):
                     both = pd.concat([values[algorithm], values[against]], axis=1, join="inner").to_numpy()
                     result = paired_difference(both[:, 0], both[:, 1])
                     lines.append((family, algorithm, against, *result, unit))

@@ -17,6 +17,7 @@ from positioning.presentation import tables
 from positioning.presentation.figures import inline_svg
 from positioning.presentation.style import PALETTES, TONES, is_control
 from positioning.presentation.tables import HEADINGS, NOTHING, Row
+from positioning.simulation.settings import calibrated_settings
 
 WORLDS_NEEDED = 39
 """Fewer worlds than this cannot promise a 95 % interval of single experiments."""
@@ -162,6 +163,7 @@ def study_page(report: Report) -> str:
             settings=_settings(report),
             readings=report.paper.get("readings", {}).get(report.study, []),
             entries=[_entry(name, value) for name, value in report.plan["entries"].items()],
+            tasks=list(dict.fromkeys(tables.task(value) for value in report.plan["entries"].values())),
             manifest=flatten(report.manifest),
             sources=_sources(report),
             sweeps=_sweeps(report.plan["sweeps"]),
@@ -334,19 +336,29 @@ def _environment() -> Environment:
 def _family(name: str, rows: Sequence[Row], report: Report) -> dict[str, Any]:
     """Return everything that is told of one family of worlds or one recording."""
     own = [row for row in rows if row.family == name]
-    best = tables.best_row(own, report.plan["entries"])
-    competitors = list(dict.fromkeys([report.plan["reference"], *([best] if best else [])]))
+    reference, entries = report.plan["reference"], report.plan["entries"]
+    comparable = {reference, *report.paired.loc[report.paired["against"] == reference, "algorithm"]}
+    best = tables.best_row([row for row in own if row.algorithm in comparable], entries)
+    competitors = list(dict.fromkeys([reference, *([best] if best else [])]))
     return {
         "name": name,
         "rows": own,
-        "size": tables.size_of(own),
-        "central": tables.central(tables.most_worlds(own)),
+        "tables": [_task_table(task, lines) for task, lines in tables.by_task(own, entries).items()],
         "paired": [
             {"against": against, "is_best": against == best, "lines": lines}
             for against in competitors
             if (lines := _paired(report.paired, name, against))
         ],
         "times": _times(report, name, own),
+    }
+
+
+def _task_table(task: str, rows: Sequence[Row]) -> dict[str, Any]:
+    return {
+        "task": task,
+        "rows": rows,
+        "size": tables.size_of(rows),
+        "central": tables.central(tables.most_worlds(rows)),
     }
 
 
@@ -404,22 +416,26 @@ def _kinds(summaries: Iterable[Summary]) -> dict[str, str]:
 
 def _settings(report: Report) -> dict[str, list[dict[str, Any]]]:
     """Return the settings in two lists: what the paper reports, and what had to be assumed."""
-    calibrated = {step["setting"]: step["value"] for step in report.calibration}
+    calibrated = {step["setting"] for step in report.calibration}
     found: dict[str, list[dict[str, Any]]] = {"reported": [], "assumed": []}
     for name, setting in report.paper.get("settings", {}).get(report.study, {}).items():
         used = {
-            as_text(calibrated.get(name, values[name]))
-            for values in report.plan["families"].values()
+            family: as_text({**values, **calibrated_settings(report.calibration, family)}[name])
+            for family, values in report.plan["families"].items()
             if name in values
         }
         value = as_text(setting["value"])
+        if len(set(used.values())) > 1:
+            instead = "; ".join(f"{family}: {text}" for family, text in used.items() if text != value)
+        else:
+            instead = "".join(set(used.values()) - {value})
         found["assumed" if setting.get("assumed") else "reported"].append(
             {
                 "name": name,
                 "value": value,
                 "unit": setting["unit"],
                 "where": setting.get("where", setting.get("why", "")),
-                "used": "; ".join(sorted(used - {value})),
+                "used": instead,
                 "calibrated": name in calibrated,
             }
         )
@@ -432,6 +448,7 @@ def _entry(name: str, value: Mapping[str, Any]) -> dict[str, Any]:
         "name": name,
         "use": value.get("use", name),
         "parameters": as_text(parameters),
+        "task": tables.task(value),
         "protocol": tables.protocol(value),
         "is_control": is_control(name),
     }

@@ -214,6 +214,19 @@ def protocol(entry: Mapping[str, Any]) -> str:
     return str(entry.get("options", entry).get("protocol", ""))
 
 
+def task(entry: Mapping[str, Any]) -> str:
+    """Return the task of a row; a plan that does not say it has fingerprinting alone."""
+    return str(entry.get("task", "fingerprinting"))
+
+
+def by_task(rows: Iterable[Row], entries: Mapping[str, Mapping[str, Any]]) -> dict[str, list[Row]]:
+    """Return rows by their task, in the order in which they stand: errors of tasks are not alike."""
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(task(entries.get(row.algorithm, {})), []).append(row)
+    return found
+
+
 def decimals(value: float | None, printed: str = "", least: int = 2) -> str:
     """Return a number with the decimals of the printed one, and at least ``least``; a true minus sign."""
     if value is None or math.isnan(value):

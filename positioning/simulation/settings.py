@@ -73,6 +73,20 @@ def span(settings: Mapping[str, Any], name: str, *, least: float = -math.inf) ->
     return low, high
 
 
+def calibrated_settings(steps: Sequence[Mapping[str, Any]], family: str) -> dict[str, float]:
+    """Return the calibrated settings that hold in a family of worlds: its own, and those for all.
+
+    Parameters
+    ----------
+    steps
+        Calibrations as they stand in ``results/calibration/<study>.json``: ``setting``, ``value`` and
+        ``family``, None where the setting holds in all.
+    family
+        Name of the family.
+    """
+    return {step["setting"]: step["value"] for step in steps if step["family"] in (None, family)}
+
+
 def _present(settings: Mapping[str, Any], name: str) -> Any:
     if name not in settings:
         raise InputError(

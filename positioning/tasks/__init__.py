@@ -1,6 +1,7 @@
 """What an algorithm of each task is given, what it returns, and how that is scored.
 
-One module a task, named like its folder in ``algorithms/``, with two functions:
+One module a task, named like its folder in ``algorithms/``, with ``OPTIONS``, the keys of a row that
+are the task's and not the algorithm's, ``QUANTITY``, what its errors are errors of, and two functions:
 
 ``run(make, observed, truth, options, generators) -> Outcome``
     Runs one algorithm on a stack of worlds. ``truth`` is None for all but controls.

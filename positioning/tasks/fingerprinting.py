@@ -12,6 +12,9 @@ from positioning.model import Array, Arrays, Query, Site, Survey, Truth, world
 from positioning.registry import Factory
 from positioning.tasks import Outcome
 
+OPTIONS = ("protocol",)
+QUANTITY = "position"
+
 
 def leave_one_out(algorithm: Any, survey: Survey, query: Query | None) -> Array:
     """Locate every fingerprint of the survey with all those taken at other places.

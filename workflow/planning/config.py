@@ -16,7 +16,7 @@ from positioning.registry import class_name
 
 SCHEMAS = Path("workflow/schemas")
 PAPERS = Path("data/papers")
-OPTIONS = ("use", "task", "protocol", "over", "worlds")
+OPTIONS = ("use", "task", "over", "worlds")
 LIBRARY_TASK = "fingerprinting"
 CONTEXT = ("site", "truth", "random_state")
 """Constructor parameters that the workflow fills in; a line may set ``random_state`` itself."""
@@ -43,6 +43,12 @@ class Entry:
     def is_control(self) -> bool:
         """Whether it may see the truth."""
         return self.use.startswith("control_")
+
+    @property
+    def sources(self) -> list[str]:
+        """Files of the algorithm and of those that its settings build."""
+        parts = [use for value in (self.parameters, self.options) for use in _nested(value)]
+        return [*([self.source] if self.source else []), *dict.fromkeys(parts)]
 
     def settings(self) -> dict[str, Any]:
         """Everything that its results depend on, as a job's parameter."""
@@ -90,6 +96,7 @@ class Study:
         return [
             {
                 **{key: step[key] for key in ("setting", "between", "metric", "claim")},
+                "family": step.get("family"),
                 "row": self.entries[step["algorithm"]].settings(),
                 "printed": printed[step["claim"]],
                 "seeds": [step["first_seed"] + i for i in range(step["worlds"])],
@@ -263,50 +270,92 @@ def algorithm_files(root: Path = Path()) -> dict[str, list[str]]:
 
 def _entries(values: Mapping[str, Any], key: str, root: Path) -> dict[str, Entry]:
     files = algorithm_files(root)
+    used = _tasks_of_the_study(values, files)
     entries = {}
     for name, line in values.items():
-        line = dict(line or {})
+        where, line = f"{key}.{name}", dict(line or {})
         use = line.get("use", name)
-        if "." in use:
-            task = line.get("task", LIBRARY_TASK)
-        else:
-            _known(use, files, f"{key}.{name}", "algorithm")
-            task = line.get("task", files[use][0])
-            _known(task, files[use], f"{key}.{name}.task", f"task of {use}")
-            if len(files[use]) > 1 and "task" not in line:
-                raise InputError(
-                    f"{key}.{name}",
-                    f"{use} exists for the tasks {', '.join(files[use])}",
-                    "Add task: to the line",
-                )
+        task = _task_of(use, line, files, where, used)
         if not Path(root / f"positioning/tasks/{task}.py").is_file():
             known_tasks = sorted(path.stem for path in (root / "positioning/tasks").glob("[a-z]*.py"))
-            _known(task, known_tasks, f"{key}.{name}.task", "task")
-        if "protocol" in line:
-            protocols = getattr(import_module(f"positioning.tasks.{task}"), "PROTOCOLS", {})
-            _known(line["protocol"], protocols, f"{key}.{name}.protocol", f"protocol of {task}")
+            _known(task, known_tasks, f"{where}.task", "task")
+        module = import_module(f"positioning.tasks.{task}")
+        if "protocol" in line and "protocol" in module.OPTIONS:
+            _known(line["protocol"], module.PROTOCOLS, f"{where}.protocol", f"protocol of {task}")
+        built = {k: _with_tasks(v, files, f"{where}.{k}", root) for k, v in line.items() if k not in OPTIONS}
         over = line.get("over")
         entry = Entry(
             name=name,
             use=use,
             task=task,
-            parameters={k: v for k, v in line.items() if k not in OPTIONS},
-            options={k: line[k] for k in ("protocol",) if k in line},
+            parameters={k: v for k, v in built.items() if k not in module.OPTIONS},
+            options={k: v for k, v in built.items() if k in module.OPTIONS},
             over=None if over is None else next((k, tuple(v)) for k, v in over.items()),
             worlds=line.get("worlds"),
         )
         if entry.source is not None:
-            known = constructor_parameters(str(root / entry.source), class_name(use))
-            for parameter in (*entry.parameters, *([entry.over[0]] if entry.over else [])):
-                if known is not None:
-                    _known(
-                        parameter,
-                        [k for k in known if k not in CONTEXT or k == "random_state"],
-                        f"{key}.{name}.{parameter}",
-                        f"parameter of {use}",
-                    )
+            parameters = [*entry.parameters, *([entry.over[0]] if entry.over else [])]
+            _known_parameters(parameters, root / entry.source, use, where)
         entries[name] = entry
     return entries
+
+
+def _tasks_of_the_study(values: Mapping[str, Any], files: Mapping[str, list[str]]) -> set[str]:
+    """Return the tasks that rows name, or whose folder alone holds their algorithm."""
+    lines = [{"use": name, **(line or {})} for name, line in values.items()]
+    named = {str(line["task"]) for line in lines if "task" in line}
+    return named | {files[line["use"]][0] for line in lines if len(files.get(line["use"], [])) == 1}
+
+
+def _task_of(
+    use: str,
+    line: Mapping[str, Any],
+    files: Mapping[str, list[str]],
+    key: str,
+    used: Iterable[str] = (),
+) -> str:
+    """Return the task of an algorithm: as the line says, else where its file stands.
+
+    Controls stand in several folders; then the tasks of the study's other rows tell which is meant.
+    """
+    if "." in use:
+        return str(line.get("task", LIBRARY_TASK))
+    _known(use, files, key, "algorithm")
+    if "task" in line:
+        _known(str(line["task"]), files[use], f"{key}.task", f"task of {use}")
+        return str(line["task"])
+    possible = files[use] if len(files[use]) == 1 else [task for task in files[use] if task in used]
+    if len(possible) != 1:
+        raise InputError(key, f"{use} exists for the tasks {', '.join(files[use])}", "Add task: to the line")
+    return possible[0]
+
+
+def _with_tasks(value: Any, files: Mapping[str, list[str]], key: str, root: Path) -> Any:
+    """Check a setting that is itself an algorithm, however deep, and add the task of each."""
+    if not isinstance(value, Mapping):
+        return value
+    built = {k: _with_tasks(part, files, f"{key}.{k}", root) for k, part in value.items()}
+    if "use" in built and "." not in built["use"]:
+        built["task"] = _task_of(built["use"], built, files, key)
+        source = root / f"algorithms/{built['task']}/{built['use']}.py"
+        _known_parameters([k for k in built if k not in ("use", "task")], source, built["use"], key)
+    return built
+
+
+def _nested(value: Any) -> list[str]:
+    """Return the files of all algorithms that stand in a setting."""
+    if not isinstance(value, Mapping):
+        return []
+    own = [f"algorithms/{value['task']}/{value['use']}.py"] if {"use", "task"} <= value.keys() else []
+    return own + [source for part in value.values() for source in _nested(part)]
+
+
+def _known_parameters(parameters: Iterable[str], source: Path, use: str, key: str) -> None:
+    known = constructor_parameters(str(source), class_name(use))
+    if known is not None:
+        allowed = [name for name in known if name not in CONTEXT or name == "random_state"]
+        for parameter in parameters:
+            _known(parameter, allowed, f"{key}.{parameter}", f"parameter of {use}")
 
 
 def _families(values: Mapping[str, Any], paper: Mapping[str, Any], study: str) -> dict[str, dict[str, Any]]:
@@ -338,7 +387,12 @@ def _check_synthetic(study: Study, paper: Mapping[str, Any], root: Path) -> None
         where = f"{key}.calibrate[{number}]"
         _known(calibration["algorithm"], study.entries, f"{where}.algorithm", "row of algorithms")
         _known(calibration["claim"], claims, f"{where}.claim", "claim of the paper")
-        claim, hits = claims[calibration["claim"]], {k: calibration[k] for k in ("algorithm", "metric")}
+        if "family" in calibration:
+            _known(calibration["family"], study.families, f"{where}.family", "family of worlds")
+        claim = claims[calibration["claim"]]
+        hits = {k: calibration[k] for k in ("algorithm", "metric", "family") if k in calibration}
+        if hits.get("family") == next(iter(study.families)) and "family" not in claim.get("quantity", {}):
+            del hits["family"]
         if claim["kind"] != "value" or claim["quantity"] != hits:
             raise InputError(
                 f"{where}.claim",

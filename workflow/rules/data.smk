@@ -6,9 +6,11 @@ rule calibrate:
         code=lambda w: code(
             f"positioning/simulation/{w.study}.py",
             *(
-                study_of(w).entries[c["algorithm"]].source
+                source
                 for c in study_of(w).calibrate
+                for source in study_of(w).entries[c["algorithm"]].sources
             ),
+            f"positioning/evaluation/studies/{w.study}.py",
             *(
                 f"positioning/tasks/{study_of(w).entries[c['algorithm']].task}.py"
                 for c in study_of(w).calibrate

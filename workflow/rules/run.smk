@@ -6,7 +6,7 @@ rule run:
         observed=worlds_file("observed"),
         truth=lambda w: worlds_file("truth")(w) if row_of(w).is_control else [],
         code=lambda w: code(
-            row_of(w).source or "",
+            *row_of(w).sources,
             f"positioning/tasks/{row_of(w).task}.py",
             "workflow/scripts/run.py",
         ),

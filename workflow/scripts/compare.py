@@ -37,9 +37,10 @@ def main(
     measures = pd.concat([part for part in parts if len(part)], ignore_index=True)
     claims = [claim for claim in read_yaml(paper)["claims"] if claim["study"] == study]
     table_measures = measures[measures["algorithm"].isin(table) & measures["value"].isna()]
+    quantities = {row: import_module(f"positioning.tasks.{rows[row]['task']}").QUANTITY for row in table}
     frames = {
         "table": m.table(table_measures, table, families, skipped, m.published_numbers(claims, families[:1])),
-        "paired": m.paired(errors, table, families),
+        "paired": m.paired(errors, table, families, quantities),
         "times": pd.concat(times, ignore_index=True),
     }
     for name, frame in frames.items():

@@ -9,15 +9,17 @@ import numpy as np
 from positioning.files import read_json, write_tree
 from positioning.joblog import logging_to
 from positioning.seeds import stream
+from positioning.simulation.settings import calibrated_settings
 
 
 def main(study: str, members: Mapping[str, Any], calibration: str | None, observed: str, truth: str) -> None:
     """Simulate every family on the same seeds, so that families are paired too."""
     simulate = import_module(f"positioning.simulation.{study}").simulate
-    calibrated = {step["setting"]: step["value"] for step in read_json(calibration)} if calibration else {}
+    steps = read_json(calibration) if calibration else []
     sides: dict[str, dict[str, Any]] = {"observed": {}, "truth": {}}
     for family, settings in members["families"].items():
-        worlds = simulate({**settings, **calibrated}, [stream(seed, study) for seed in members["seeds"]])
+        settings = {**settings, **calibrated_settings(steps, family)}
+        worlds = simulate(settings, [stream(seed, study) for seed in members["seeds"]])
         index = {"world": np.asarray(members["worlds"]), "seed": np.asarray(members["seeds"])}
         sides["observed"][family] = {**index, **worlds.observed}
         sides["truth"][family] = {**index, **worlds.truth}

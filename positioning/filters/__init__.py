@@ -1,0 +1,1 @@
+"""Recursive estimators that several studies share: resampling, particle filters, Kalman filters."""

@@ -1,0 +1,122 @@
+"""Figures of any study on real recordings: one panel a recording, positions and distances apart."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.artist import Artist
+
+from positioning.evaluation.results import StudyResults
+from positioning.presentation import figures
+from positioning.presentation.figures import Drawn
+from positioning.presentation.style import stroke
+
+COLUMNS = 2
+
+DISTANCE = "error_distance_m"
+"""The column that only errors of a distance have."""
+
+PREFIX = {"position": "", "distance": "distance_"}
+"""What the names of the figures begin with, by what the errors are errors of."""
+
+SAMPLE = {"position": "", "distance": " A sample is one candidate distance."}
+"""What must be said of the samples."""
+
+
+def draw(results: StudyResults) -> list[Drawn]:
+    """Return the error distributions and the mean errors of all recordings, positions before distances.
+
+    Parameters
+    ----------
+    results
+        What the workflow made of the study.
+    """
+    families = figures.measured_families(results)
+    present = {row for family in families for row in figures.measured_rows(results, family)}
+    groups: dict[str, list[str]] = {"position": [], "distance": []}
+    for row in results.rows:
+        if row in present:
+            groups["distance" if DISTANCE in results.errors(row) else "position"].append(row)
+    drawn = []
+    for quantity, rows in groups.items():
+        own = [family for family in families if _rows(results, family, rows)]
+        if own:
+            drawn += [_distributions(results, own, rows, quantity), _means(results, own, rows, quantity)]
+    return drawn
+
+
+def _distributions(
+    results: StudyResults, families: Sequence[str], rows: Sequence[str], quantity: str
+) -> Drawn:
+    lines = math.ceil(len(families) / COLUMNS)
+    legend_lines = math.ceil(len(rows) / 3)
+    figure = figures.new_figure(2.5 * lines + 0.2 * legend_lines + 0.2)
+    panels = np.atleast_1d(figure.subplots(lines, min(COLUMNS, len(families)), squeeze=False)).ravel()
+    handles: dict[str, Artist] = {}
+    for axes, family in zip(panels, families, strict=False):
+        figures.distribution(axes, results, family, _rows(results, family, rows))
+        axes.set_xlabel(f"{quantity} error (m)")
+        axes.set_title(f"{family} ({_samples(results, family, rows)})")
+        handles |= {str(line.get_label()): line for line in axes.get_lines() if line.get_label() in rows}
+    for axes in panels[len(families) :]:
+        axes.set_visible(False)
+    shown = [row for row in rows if row in handles]
+    figure.legend(
+        [handles[row] for row in shown], shown, loc="outside lower center", ncols=3, handlelength=2.4
+    )
+    return Drawn(
+        name=f"{PREFIX[quantity]}error_distribution",
+        figure=figure,
+        title=f"Distribution of the {quantity} error in each recording",
+        caption=f"Share of {quantity} errors up to a given size; the number of samples, n, stands"
+        f" above each panel, each recording is one world.{SAMPLE[quantity]} The axes differ, because the"
+        " sites differ in size.",
+        alt=" ".join(
+            figures.distribution_alt(results, family, _rows(results, family, rows)) for family in families
+        ),
+    )
+
+
+def _means(results: StudyResults, families: Sequence[str], rows: Sequence[str], quantity: str) -> Drawn:
+    lines = math.ceil(len(families) / COLUMNS)
+    figure = figures.new_figure(lines * (0.8 + 0.2 * len(rows)))
+    panels = np.atleast_1d(
+        figure.subplots(lines, min(COLUMNS, len(families)), squeeze=False, sharey=True)
+    ).ravel()
+    for axes, family in zip(panels, families, strict=False):
+        centres, ends = dict.fromkeys(rows, 0.0), dict.fromkeys(rows, 0.0)
+        for place, row in enumerate(rows):
+            values = figures.per_world(results, family, row)
+            if len(values):
+                error = figures.per_world(results, family, row, "se_m").mean()
+                centres[row], ends[row] = float(values.mean()), float(values.mean() + error)
+                look = stroke(row)
+                axes.plot([values.mean() - error, values.mean() + error], [place, place], color=look.color)
+                axes.plot(values.mean(), place, look.marker, color=look.color)
+        figures.label_rows(axes, rows)
+        figures.keep_in_reach(axes, centres, ends)
+        axes.set_xlim(left=0)
+        axes.set_xlabel(f"mean {quantity} error (m)")
+        axes.set_title(f"{family} ({_samples(results, family, rows)})")
+    for axes in panels[len(families) :]:
+        axes.set_visible(False)
+    return Drawn(
+        name=f"{PREFIX[quantity]}mean_error",
+        figure=figure,
+        title=f"Mean {quantity} error of each algorithm and recording",
+        caption=f"Mean {quantity} error; the line is one standard error to either side, which takes samples"
+        " of one site for independent. n stands above each panel, each recording is one world; a row"
+        f" without a dot did not run.{SAMPLE[quantity]}",
+        alt=" ".join(figures.means_alt(results, family, _rows(results, family, rows)) for family in families),
+    )
+
+
+def _rows(results: StudyResults, family: str, rows: Sequence[str]) -> list[str]:
+    return [row for row in figures.measured_rows(results, family) if row in rows]
+
+
+def _samples(results: StudyResults, family: str, rows: Sequence[str]) -> str:
+    """Return the number of samples; not every row has an answer to every sample."""
+    counts = [int(figures.per_world(results, family, row, "n")[0]) for row in _rows(results, family, rows)]
+    low, high = min(counts), max(counts)
+    return f"n = {high}" if low == high else f"n = {low} to {high}"
