@@ -38,7 +38,9 @@ def main() -> None:
             [stream(n, STUDY, SOLVER) for n in numbers],
         )
         errors = trilateration.score(made.estimates, worlds.truth)
-        own_squares = [np.square(errors[name][~np.isnan(errors[name])]) for name in ("error_x_m", "error_y_m")]
+        own_squares = [
+            np.square(errors[name][~np.isnan(errors[name])]) for name in ("error_x_m", "error_y_m")
+        ]
         squares.append(np.concatenate(own_squares))
         print(f"{family}: {np.sqrt(squares[-1].mean()):.2f} m a coordinate, {len(numbers)} worlds")
     print(f"both: {np.sqrt(np.mean([own.mean() for own in squares])):.2f} m")

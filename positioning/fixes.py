@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from positioning.errors import InputError
 from positioning.geometry import pairwise_distance_m
-from positioning.model import Array, Calibration, Recording, Site
+from positioning.model import Array, Arrays, Calibration, Recording, Site
 from positioning.ranging import combinations
 
 
@@ -28,7 +28,7 @@ class Fixes:
     residual_m
         Root mean square of measured distance less distance from the solution, [r, n, k], metres.
     nearest_m
-        Smallest distance of each combination, [r, n, k], metres.
+        Smallest distance of each combination, [r, n, k], metres; NaN where the recording holds the fixes.
     iterations
         Iterations of the solver, [r, n, k]; -1 where it did not converge, 0 where it does not iterate
         and where there was nothing to solve.
@@ -70,11 +70,24 @@ def locate(
     site
         Stack with the places of the beacons, [r, ap, 2].
 
+    Returns
+    -------
+    Fixes
+        Those of the recording itself, where it holds fixes.
+
     Raises
     ------
     InputError
         Where the places of the beacons are not known, or there is nothing to learn distances from.
     """
+    if recording.fix_m is not None and recording.fix_residual_m is not None:
+        residual_m = recording.fix_residual_m
+        return Fixes(
+            position_m=recording.fix_m,
+            residual_m=residual_m,
+            nearest_m=np.full(residual_m.shape, np.nan),
+            iterations=np.zeros(residual_m.shape, dtype=np.int64),
+        )
     if site.access_point_m is None:
         raise InputError("site", "the places of the beacons are not known", "Give access_point_m")
     if recording.range_m is not None:
@@ -114,6 +127,39 @@ def locate(
     fixes.nearest_m[place] = np.nanmin(range_m, axis=-1, initial=np.inf)
     fixes.iterations[place] = iterations
     return fixes
+
+
+def of_outputs(estimates: Arrays, time_s: Array) -> dict[str, Array]:
+    """Return the outputs of a trilateration row as fixes of the recordings that it ran on.
+
+    Parameters
+    ----------
+    estimates
+        ``output_m`` [world, t, 2], ``output_residual_m`` and ``output_sample`` [world, t], as the task
+        trilateration leaves them.
+    time_s
+        Times of the recordings, [world, ..., n].
+
+    Returns
+    -------
+    dict
+        ``recording.fix_m`` [world, ..., n, k, 2] and ``recording.fix_residual_m`` [world, ..., n, k].
+    """
+    output_m = np.asarray(estimates["output_m"], dtype=float)
+    residual_m = np.asarray(estimates["output_residual_m"], dtype=float)
+    sample = np.asarray(estimates["output_sample"], dtype=np.int64)
+    world, output = np.nonzero((sample >= 0) & ~np.isnan(residual_m))
+    epochs = time_s[0].size
+    epoch = world * epochs + sample[world, output]
+    slot = _slots(epoch)
+    most = int(slot.max(initial=0)) + 1
+    fix_m = np.full((time_s.size, most, 2), np.nan)
+    fix_residual_m = np.full((time_s.size, most), np.nan)
+    fix_m[epoch, slot], fix_residual_m[epoch, slot] = output_m[world, output], residual_m[world, output]
+    return {
+        "recording.fix_m": fix_m.reshape(*time_s.shape, most, 2),
+        "recording.fix_residual_m": fix_residual_m.reshape(*time_s.shape, most),
+    }
 
 
 def _solved(

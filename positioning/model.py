@@ -243,6 +243,11 @@ class Recording(_Part):
         Commanded or measured motion since the epoch before: a turn, a straight line, a second turn,
         [..., n], radians and metres; None where nothing is known of the motion. At the first epoch
         they are zero.
+    fix_m
+        Position fixes of each epoch, [..., n, k, 2], metres, where something else has found them; NaN
+        fills up.
+    fix_residual_m
+        How far each fix is from what it was found from, [..., n, k], metres; smaller fits better.
     start_heading_rad
         Heading at the first epoch, [...], radians from the x axis to the left; NaN or None where
         nobody noted it.
@@ -254,6 +259,8 @@ class Recording(_Part):
     turn_before_rad: Array | None = None
     advance_m: Array | None = None
     turn_after_rad: Array | None = None
+    fix_m: Array | None = None
+    fix_residual_m: Array | None = None
     start_heading_rad: Array | None = None
 
     def until(self, count: int) -> Recording:

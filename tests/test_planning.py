@@ -74,6 +74,20 @@ WRONG = {
         ),
         ["algorithms.a.ranging.nearest", "parameter of path_loss", "nearest_m"],
     ),
+    "fixes of a row that gives none": (
+        lambda s: s.update(algorithms={"wknn": {}, "a": {"use": "particle_filter", "fixes": "wknn"}}),
+        ["algorithms.a.fixes", "'wknn'", "trilateration row"],
+    ),
+    "fixes of a row on fewer worlds": (
+        lambda s: s.update(
+            algorithms={
+                "wknn": {},
+                "pseudo_inverse": {"worlds": 1},
+                "a": {"use": "particle_filter", "fixes": "pseudo_inverse"},
+            }
+        ),
+        ["algorithms.a.fixes", "pseudo_inverse runs on 1 worlds only", "no more worlds"],
+    ),
     "unknown family of a calibration": (
         lambda s: s["calibrate"][0].update(family="flor"),
         ["calibrate[0].family", "'flor'", "'floor'"],
@@ -236,14 +250,14 @@ def test_controls_have_the_task_of_the_other_rows_and_parts_of_a_row_are_its_cod
     assert studies["fingerprint_loo"].entries["control_oracle"].task == "fingerprinting"
     bluetooth = studies["bluetooth_robot"].entries
     assert bluetooth["control_oracle"].source == "algorithms/tracking/control_oracle.py"
-    assert bluetooth["particle_filter_path_loss"].sources == [
-        "algorithms/tracking/particle_filter.py",
+    row = bluetooth["iterative_fractional_printed_path_loss"]
+    assert row.options == {"ranging": {"use": "path_loss", "task": "ranging"}}
+    assert row.sources == [
+        "algorithms/trilateration/iterative_fractional_printed.py",
         "algorithms/ranging/path_loss.py",
     ]
-    assert bluetooth["iterative_absolute_path_loss"].options == {
-        "ranging": {"use": "path_loss", "task": "ranging"}
-    }
-    assert bluetooth["iterative_absolute_path_loss"].sources[1] == "algorithms/ranging/path_loss.py"
+    assert bluetooth["particle_filter"].options == {"fixes": "iterative_fractional_printed"}
+    assert "fixes" not in bluetooth["particle_filter"].parameters
 
 
 def test_a_calibrated_setting_holds_in_its_family_or_in_all() -> None:

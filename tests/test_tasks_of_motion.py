@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from positioning.errors import InputError
-from positioning.fixes import locate
+from positioning.fixes import locate, of_outputs
 from positioning.model import Calibration, Recording, Site, Survey, Track, Truth, Worlds
 from positioning.ranging import TooManyCombinations
 from positioning.registry import build, factory
@@ -168,6 +168,36 @@ def test_fixes_need_beacons_and_something_to_range_with() -> None:
         observed = {n: v for n, v in data.observed.items() if not n.startswith(without)}
         with pytest.raises(InputError, match=said):
             located(Twice(), Far(), Worlds(observed, data.truth))
+
+
+@pytest.mark.parametrize("flat", [True, False])
+def test_the_outputs_of_a_row_are_the_fixes_that_a_tracker_would_find_itself(flat: bool) -> None:
+    observed = worlds().observed
+    if flat:
+        observed = {n: v[:, 0] if n.startswith("recording") else v for n, v in observed.items()}
+    line = {"use": "curve_crossings", "task": "ranging"}
+    make = factory("pseudo_inverse", "trilateration", {})
+    row = trilateration.run(make, observed, None, {"ranging": line}, generators())
+    given = {**observed, **of_outputs(row.estimates, observed["recording.time_s"])}
+    for use in ("trilateration_alone", "particle_filter", "extended_kalman_filter"):
+        tracker = factory(
+            use, "tracking", {"trilateration": {"use": "pseudo_inverse", "task": "trilateration"}}
+        )
+        own = tracking.run(tracker, observed, None, {}, generators())
+        built = tracking.run(factory(use, "tracking", {}), given, None, {}, generators())
+        assert np.isfinite(own.estimates["position_m"]).any()
+        for name, values in own.estimates.items():
+            np.testing.assert_array_equal(values, built.estimates[name], err_msg=f"{use} {name}")
+
+
+def test_outputs_that_did_not_converge_are_no_fixes() -> None:
+    data = worlds(distances=True)
+    row = trilateration.run(lambda **_: Far(), data.observed, None, {}, generators())
+    fixes = of_outputs(row.estimates, data.observed["recording.time_s"])
+    failed = np.count_nonzero(row.estimates["output_iterations"] == -1)
+    assert failed > 0
+    heard = np.count_nonzero(~np.isnan(data.observed["recording.time_s"]))
+    assert np.count_nonzero(~np.isnan(fixes["recording.fix_residual_m"])) == heard - failed
 
 
 # Ranging

@@ -179,6 +179,8 @@ def start_heading_rad(recording: Recording) -> Array:
 
 def cannot_locate(recording: Recording, survey: Survey | Calibration | None, site: Site) -> str:
     """Say why no epoch can have a fix: a reason to skip these data, empty where there is none."""
+    if recording.fix_m is not None:
+        return ""
     if site.access_point_m is None or not np.isfinite(site.access_point_m).all():
         return "the places of the beacons are not known"
     if np.shape(site.access_point_m)[-2] < 3:

@@ -43,7 +43,7 @@ KNOWN: dict[str, Stroke] = {
     "iterative_fractional_printed_crossings": Stroke("#5f9a4a", ":", "D"),
     "iterative_fractional": Stroke("#003355", "--", "^"),
     "iterative_absolute": Stroke("#1199bb", "-.", "v"),
-    "iterative_absolute_path_loss": Stroke("#995577", ":", "v"),
+    "iterative_fractional_printed_path_loss": Stroke("#995577", ":", "D"),
     "least_squares": Stroke("#0066dd", "--", "X"),
     "least_squares_printed": Stroke("#00aa55", "-.", "X"),
     "least_squares_fractional": Stroke("#5a3a00", ":", "X"),

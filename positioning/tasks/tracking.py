@@ -14,7 +14,7 @@ from positioning.registry import Factory
 from positioning.stacks import Stack, stack
 from positioning.tasks import Outcome
 
-OPTIONS: tuple[str, ...] = ()
+OPTIONS = ("fixes",)
 QUANTITY = "position"
 
 
@@ -41,7 +41,7 @@ def run(
     truth
         Arrays of `Truth` for a control, else None.
     options
-        Not used.
+        ``fixes`` names a trilateration row; its outputs then stand in the recordings already.
     generators
         One for every world.
 

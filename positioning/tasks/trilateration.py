@@ -47,7 +47,8 @@ def run(
     -------
     Outcome
         With ``position_m`` [world, ..., n, 2], the output of each epoch whose distances fit best; and of
-        all outputs of a world, filled up: ``output_m`` [world, t, 2], ``output_sample`` [world, t] (epoch
+        all outputs of a world, filled up: ``output_m`` [world, t, 2], ``output_residual_m`` [world, t],
+        ``output_sample`` [world, t] (epoch
         over all runs, -1 fills up), ``output_nearest_m`` [world, t], the smallest distance, and
         ``output_iterations`` [world, t], -1 with an output of NaN where the solver did not converge.
     """
@@ -69,25 +70,18 @@ def run(
     if not np.isfinite(fixes.position_m[given & (fixes.iterations >= 0)]).all():
         raise InputError("its answer", "a solved position is not finite", "Correct the algorithm")
     worlds = len(generators)
+    sample = np.arange(given[..., 0].size // worlds).reshape(-1, 1) * np.ones(given.shape[-1], dtype=int)
+    sample = np.broadcast_to(sample, (worlds, *sample.shape)).reshape(given.shape)
     given = given.reshape(worlds, -1)
-    sample = np.broadcast_to(
-        np.arange(given[0].size // fixes.residual_m.shape[-1])[:, None], (*_flat(fixes.residual_m, worlds),)
-    ).reshape(-1)
     most = int(given.sum(axis=1).max(initial=0))
-    outputs = {
-        "output_m": np.full((worlds, most, 2), np.nan),
-        "output_sample": np.full((worlds, most), -1, dtype=np.int32),
-        "output_nearest_m": np.full((worlds, most), np.nan),
-        "output_iterations": np.zeros((worlds, most), dtype=np.int32),
+    kept: dict[str, tuple[NDArray[Any], float]] = {
+        "output_m": (fixes.position_m, np.nan),
+        "output_residual_m": (fixes.residual_m, np.nan),
+        "output_nearest_m": (fixes.nearest_m, np.nan),
+        "output_iterations": (fixes.iterations.astype(np.int32), 0),
+        "output_sample": (sample.astype(np.int32), -1),
     }
-    position_m = fixes.position_m.reshape(worlds, -1, 2)
-    nearest_m, iterations = fixes.nearest_m.reshape(worlds, -1), fixes.iterations.reshape(worlds, -1)
-    for index, own in enumerate(given):
-        count = np.count_nonzero(own)
-        outputs["output_m"][index, :count] = position_m[index, own]
-        outputs["output_sample"][index, :count] = sample[own]
-        outputs["output_nearest_m"][index, :count] = nearest_m[index, own]
-        outputs["output_iterations"][index, :count] = iterations[index, own]
+    outputs = {name: _packed(values, given, most, fill) for name, (values, fill) in kept.items()}
     return Outcome(estimates={"position_m": stacked.unstacked(best_m), **outputs}, seconds=seconds)
 
 
@@ -118,5 +112,12 @@ def score(estimates: Arrays, truth: Arrays) -> dict[str, NDArray[np.float64]]:
     }
 
 
-def _flat(values: NDArray[np.float64], worlds: int) -> tuple[int, int]:
-    return values.size // worlds // values.shape[-1], values.shape[-1]
+def _packed(
+    values: NDArray[np.generic], given: NDArray[np.bool_], most: int, fill: float
+) -> NDArray[np.generic]:
+    """Return what is given of each world, [world, most, ...], in its order, filled up."""
+    parts = values.reshape(*given.shape, *values.shape[3:])
+    packed = np.full((len(given), most, *parts.shape[2:]), fill, dtype=values.dtype)
+    for own, part, row in zip(given, parts, packed, strict=True):
+        row[: np.count_nonzero(own)] = part[own]
+    return packed

@@ -169,6 +169,7 @@ def resolve(config: Mapping[str, Any], root: Path = Path()) -> dict[str, Study]:
         sweeps = _entries(values.get("sweeps", {}), f"{key}.sweeps", root)
         for twice in entries.keys() & sweeps.keys():
             raise InputError(f"{key}.sweeps.{twice}", "a row of the table has this name", "Rename the sweep")
+        _check_fixes({**entries, **sweeps}, entries, f"{key}.algorithms")
         reference = values.get("reference", next(iter(entries)))
         _known(reference, entries, f"{key}.reference", "row of algorithms")
         study = Study(
@@ -300,6 +301,21 @@ def _entries(values: Mapping[str, Any], key: str, root: Path) -> dict[str, Entry
     return entries
 
 
+def _check_fixes(rows: Mapping[str, Entry], entries: Mapping[str, Entry], key: str) -> None:
+    """Check that rows which build on the fixes of another one name a trilateration row with their worlds."""
+    possible = {name: entry for name, entry in entries.items() if entry.task == "trilateration"}
+    for name, row in rows.items():
+        if "fixes" in row.options:
+            _known(row.options["fixes"], possible, f"{key}.{name}.fixes", "trilateration row of this study")
+            worlds = possible[row.options["fixes"]].worlds
+            if worlds is not None and (row.worlds is None or row.worlds > worlds):
+                raise InputError(
+                    f"{key}.{name}.fixes",
+                    f"{row.options['fixes']} runs on {worlds} worlds only",
+                    "Give this row no more worlds",
+                )
+
+
 def _tasks_of_the_study(values: Mapping[str, Any], files: Mapping[str, list[str]]) -> set[str]:
     """Return the tasks that rows name, or whose folder alone holds their algorithm."""
     lines = [{"use": name, **(line or {})} for name, line in values.items()]
@@ -386,6 +402,12 @@ def _check_synthetic(study: Study, paper: Mapping[str, Any], root: Path) -> None
     for number, calibration in enumerate(study.calibrate):
         where = f"{key}.calibrate[{number}]"
         _known(calibration["algorithm"], study.entries, f"{where}.algorithm", "row of algorithms")
+        if "fixes" in study.entries[calibration["algorithm"]].options:
+            raise InputError(
+                f"{where}.algorithm",
+                f"{calibration['algorithm']} builds on the fixes of another row",
+                "Calibrate on a row that stands alone",
+            )
         _known(calibration["claim"], claims, f"{where}.claim", "claim of the paper")
         if "family" in calibration:
             _known(calibration["family"], study.families, f"{where}.family", "family of worlds")

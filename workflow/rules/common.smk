@@ -77,6 +77,16 @@ def worlds_file(name):
     return lambda w: f"{DATA}/{study_of(w).kind}/{w.study}/{w.batch}/{name}.npz"
 
 
+def fixes_of(wildcards):
+    """The estimates of the trilateration row that a tracking row builds on; often none."""
+    row = row_of(wildcards).options.get("fixes")
+    return (
+        f"{RESULTS}/estimates/{wildcards.study}/{row}/{wildcards.batch}.npz"
+        if row
+        else []
+    )
+
+
 def of_all_rows(pattern):
     """A file of every row and batch of a study."""
     return lambda w: [

@@ -7,13 +7,18 @@ from typing import Any
 import numpy as np
 
 from positioning.files import read_tree, write_tree
+from positioning.fixes import of_outputs
 from positioning.joblog import logging_to
 from positioning.registry import factory
 from positioning.seeds import stream
 
 
-def main(study: str, row: Mapping[str, Any], observed: str, truth: str | None, output: str) -> None:
+def main(
+    study: str, row: Mapping[str, Any], observed: str, truth: str | None, fixes: str | None, output: str
+) -> None:
     """Write ``<family>/<step>/<name>`` for every family of worlds and every step of a sweep.
+
+    ``fixes`` are the estimates of the trilateration row that a tracking row builds on.
 
     Raises
     ------
@@ -24,11 +29,18 @@ def main(study: str, row: Mapping[str, Any], observed: str, truth: str | None, o
     setting, steps = row["over"] or (None, [None])
     stacks = read_tree(observed)
     truths = read_tree(truth) if truth else {}
+    found = read_tree(fixes) if fixes else {}
     tree: dict[str, dict[str, Any]] = {}
     for family, arrays in stacks.items():
         count = np.count_nonzero(arrays["world"] < (row["worlds"] or np.inf))
         arrays = {name: values[:count] for name, values in arrays.items()}
         seen = {name: values[:count] for name, values in truths[family].items()} if truth else None
+        if fixes:
+            outputs = {
+                k.removeprefix("estimate."): v[:count] for k, v in found[f"{family}/0"].items() if v.ndim
+            }
+            # Where that row was skipped, the algorithm meets the same data and gives its own reason.
+            arrays |= of_outputs(outputs, arrays["recording.time_s"]) if "output_m" in outputs else {}
         seeds = [int(seed) for seed in arrays["seed"]]
         for number, step in enumerate(steps):
             parameters = dict(row["parameters"]) if setting is None else {**row["parameters"], setting: step}
@@ -64,5 +76,6 @@ if __name__ == "__main__":
             snakemake.params.row,
             snakemake.input.observed,
             snakemake.input.get("truth"),
+            snakemake.input.get("fixes"),
             snakemake.output[0],
         )

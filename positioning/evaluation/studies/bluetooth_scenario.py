@@ -32,14 +32,7 @@ def measures(estimates: Mapping[str, Tree], worlds: Mapping[str, Tree]) -> pd.Da
             position_m = np.asarray(step["estimate.position_m"], dtype=float).reshape(len(step["world"]), -1)
             for metric, values in (("x_m", position_m[:, 0]), ("y_m", position_m[:, 1])):
                 lines += [
-                    (
-                        branch.rpartition("/")[0],
-                        Path(path).parent.name,
-                        float(step["value"]),
-                        world,
-                        metric,
-                        x,
-                    )
+                    (family, row, value, world, metric, x)
                     for world, x in zip(step["world"], values, strict=True)
                 ]
     return pd.DataFrame(lines, columns=MEASURES)
