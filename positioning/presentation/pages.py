@@ -260,7 +260,8 @@ def worlds_in_words(plan: Mapping[str, Any]) -> str:
     if plan["recordings"]:
         return f"on {len(plan['recordings'])} real recording{'s' * (len(plan['recordings']) != 1)}"
     families = len(plan["families"])
-    return f"on {plan['worlds']} synthetic worlds" + (f" of {families} families each" if families > 1 else "")
+    worlds = f"on {plan['worlds']} synthetic world{'s' * (plan['worlds'] != 1)}"
+    return worlds + (f" of {families} families each" if families > 1 else "")
 
 
 def matrix(
@@ -375,6 +376,7 @@ def _paired(frame: pd.DataFrame, family: str, against: str) -> list[dict[str, An
             "outcome": "smaller" if line["high_m"] < 0 else "larger" if line["low_m"] > 0 else "open",
         }
         for line in tables.records(own)
+        if line["n"] > 1
     ]
 
 

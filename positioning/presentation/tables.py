@@ -293,9 +293,9 @@ def study_markdown(title: str, table: pd.DataFrame, claims: pd.DataFrame, paper:
 def size_of(rows: Sequence[Row]) -> str:
     """Return in words how many samples and worlds stand behind rows of one family."""
     sizes = sorted({(row.samples, row.worlds) for row in rows if row.cells})
-    return "; ".join(f"n = {n} samples" + (f" in each of {w} worlds" if w > 1 else "") for n, w in sizes) + (
-        "." if sizes else ""
-    )
+    return "; ".join(
+        f"n = {n} sample{'s' * (n != 1)}" + (f" in each of {w} worlds" if w > 1 else "") for n, w in sizes
+    ) + ("." if sizes else "")
 
 
 def _markdown_cell(cell: Cell | None) -> str:

@@ -75,7 +75,10 @@ def draw(results: StudyResults) -> list[Drawn]:
             caption=f"One scenario, n = 1 place, in 1 world: {len(beacons_m)} beacons (triangles), the"
             " printed distances (circles), the true place (cross) and the solution of each row; smaller"
             " markers lie on larger ones where rows agree. Hollow: the printed points."
-            + _gaps(points_m, printed_m),
+            + _gaps(points_m, printed_m)
+            + " Solutions: "
+            + ", ".join(f"{row} ({place[0]:.4f}, {place[1]:.4f})" for row, place in points_m.items())
+            + ", metres.",
             alt=f"The true place is {_place(true_m)}. Solutions: "
             + "; ".join(
                 f"{row} {_place(place)}, {np.linalg.norm(place - true_m):.2f} m away"
