@@ -7,7 +7,7 @@ world has none. Units stand in the names; ``NaN`` in a received signal strength 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -189,6 +189,13 @@ class Truth(_Part):
         translation, and of the drift of the heading per metre of it.
     furniture_m
         Lower left and upper right corners of pieces of furniture, [..., f, 2, 2], metres; NaN fills up.
+    path_m
+        True place at every epoch of a recording, [..., n, 2], metres, where ``position_m`` holds only the
+        epochs at which the error is asked for.
+    gyro_bias_rad_per_s
+        What the gyroscope of a moving receiver reads too much, beyond its mean at rest, [...], rad/s.
+    odometer_scale
+        Speed that the odometer reads, as a multiple of the true one, [...].
     """
 
     position_m: Array
@@ -206,6 +213,9 @@ class Truth(_Part):
     advance_noise_m: Array | None = None
     drift_noise_rad_per_m: Array | None = None
     furniture_m: Array | None = None
+    path_m: Array | None = None
+    gyro_bias_rad_per_s: Array | None = None
+    odometer_scale: Array | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -251,6 +261,15 @@ class Recording(_Part):
     start_heading_rad
         Heading at the first epoch, [...], radians from the x axis to the left; NaN or None where
         nobody noted it.
+    start_position_m
+        Place at the first epoch, [..., 2], metres, where somebody noted it. For dead reckoning alone.
+    motion_time_s
+        Times of the readings of gyroscope and odometer, [..., m], seconds, on the clock of ``time_s``;
+        NaN after the end.
+    gyro_rad_per_s
+        Turn rate about the vertical, [..., m], radians a second, positive to the left.
+    odometer_m_per_s
+        Speed, [..., m], metres a second; NaN = dropped out.
     """
 
     time_s: Array
@@ -262,17 +281,21 @@ class Recording(_Part):
     fix_m: Array | None = None
     fix_residual_m: Array | None = None
     start_heading_rad: Array | None = None
+    start_position_m: Array | None = None
+    motion_time_s: Array | None = None
+    gyro_rad_per_s: Array | None = None
+    odometer_m_per_s: Array | None = None
 
     def until(self, count: int) -> Recording:
-        """Return the first ``count`` epochs."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        """Return the first ``count`` epochs; readings of the motion have their own times and stay."""
         axis = self.time_s.ndim - 1
-        return Recording(
-            **{
-                name: v[(slice(None),) * axis + (slice(count),)] if v is not None and v.ndim > axis else v
-                for name, v in values.items()
-            }
-        )
+        parts = {name: getattr(self, name) for name in _EPOCHS}
+        cut = {name: v[(slice(None),) * axis + (slice(count),)] for name, v in parts.items() if v is not None}
+        return replace(self, **cut)
+
+
+_EPOCHS = ("time_s", "rss_dbm", "range_m", "turn_before_rad", "advance_m", "turn_after_rad")
+_EPOCHS += ("fix_m", "fix_residual_m")
 
 
 @dataclass(frozen=True, kw_only=True)
