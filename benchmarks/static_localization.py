@@ -1,10 +1,13 @@
 """Print how far static trilateration is off in each coordinate, on calibration worlds.
 
 Raghavan et al., section IV.E, set the deviation of a fix so; ``sigma_m`` of the study's filters is the
-number printed here. The worlds are those that the calibration uses, and judge nothing.
+number printed here for the row whose fixes they use. The worlds are those that the calibration uses, and
+judge nothing.
 
 Usage: ``python -m benchmarks.static_localization`` after a build.
 """
+
+import sys
 
 import numpy as np
 
@@ -15,35 +18,38 @@ from positioning.simulation.bluetooth_robot import simulate
 from positioning.simulation.settings import calibrated_settings
 from positioning.tasks import trilateration
 
-STUDY, SOLVER = "bluetooth_robot", "iterative_fractional_printed"
+sys.path.insert(0, "workflow")
+from planning.config import resolve
+
+STUDY = "bluetooth_robot"
 
 
 def main() -> None:
-    study = read_yaml("config/config.yaml")["studies"][STUDY]
-    settings = read_yaml(f"data/papers/{study['paper']}.yaml")["settings"][STUDY]
-    base = {name: setting["value"] for name, setting in settings.items()}
+    study = resolve(read_yaml("config/config.yaml"))[STUDY]
     steps = read_json(f"results/calibration/{STUDY}.json")
-    squares = []
-    for family, own in study["families"].items():
-        (seeds,) = [s for s in study["calibrate"] if s["family"] == family]
-        numbers = range(seeds["first_seed"], seeds["first_seed"] + seeds["worlds"])
-        worlds = simulate(
-            {**base, **own, **calibrated_settings(steps, family)}, [stream(n, STUDY) for n in numbers]
-        )
-        made = trilateration.run(
-            factory(SOLVER, "trilateration", {}),
-            worlds.observed,
-            None,
-            {},
-            [stream(n, STUDY, SOLVER) for n in numbers],
-        )
-        errors = trilateration.score(made.estimates, worlds.truth)
-        own_squares = [
-            np.square(errors[name][~np.isnan(errors[name])]) for name in ("error_x_m", "error_y_m")
-        ]
-        squares.append(np.concatenate(own_squares))
-        print(f"{family}: {np.sqrt(squares[-1].mean()):.2f} m a coordinate, {len(numbers)} worlds")
-    print(f"both: {np.sqrt(np.mean([own.mean() for own in squares])):.2f} m")
+    made = {}
+    for family, settings in study.families.items():
+        (own,) = [step for step in steps if step["family"] == family]
+        numbers = range(own["first_seed"], own["first_seed"] + own["worlds"])
+        streams = [stream(n, STUDY) for n in numbers]
+        made[family] = simulate({**settings, **calibrated_settings(steps, family)}, streams)
+    for name, row in study.entries.items():
+        if row.task != "trilateration":
+            continue
+        variances = []
+        for worlds in made.values():
+            seeds = worlds.observed["recording.time_s"].shape[0]
+            outcome = trilateration.run(
+                factory(row.use, row.task, row.parameters),
+                worlds.observed,
+                None,
+                row.options,
+                [stream(n, STUDY, name) for n in range(seeds)],
+            )
+            errors = trilateration.score(outcome.estimates, worlds.truth)
+            variances.append(np.nanmean(np.square([errors["error_x_m"], errors["error_y_m"]])))
+        told = ", ".join(f"{f} {np.sqrt(v):.2f}" for f, v in zip(made, variances, strict=True))
+        print(f"{name}: {np.sqrt(np.mean(variances)):.2f} m a coordinate ({told})")
 
 
 if __name__ == "__main__":

@@ -81,3 +81,15 @@ def test_published_numbers_are_those_of_rows_not_of_sweeps() -> None:
         {"kind": "none", "quantity": {"algorithm": "a", "metric": "p50_m"}},
     ]
     assert published_numbers(claims, ["z"]) == {("z", "a"): {"mean_m": "3.06"}}
+
+
+def test_rows_are_paired_at_the_samples_at_which_both_have_an_error() -> None:
+    first = errors({("z", 0): [1.0, 2.0, 9.0], ("z", 1): [4.0, 4.0, 4.0]})
+    second = errors({("z", 0): [2.0, 2.0], ("z", 1): [5.0, 5.0]})
+    row = paired({"a": first, "b": second}, ["a", "b"], ["z"]).iloc[0]
+    assert (row["difference_m"], row["n"]) == (-0.75, 2)
+
+
+def test_rows_of_another_quantity_are_not_paired() -> None:
+    found = paired({"a": A, "b": B}, ["a", "b"], ["z"], {"a": "distance", "b": "position"})
+    assert found.empty

@@ -86,6 +86,44 @@ def test_ranging_is_averaged_over_the_trials_of_a_world() -> None:
     assert value(frame, "r", "k_mean") == pytest.approx((10 / 3 + 0.5) / 2)
 
 
+def test_trilaterations_are_counted_apart_where_levels_are_far_from_the_curve() -> None:
+    rss_dbm = np.where(np.isnan(DISTANCE_M), NAN, -20.0)
+    rss_dbm[0, 1, 1, 0] = -31.0
+    observed = {
+        "calibration.distance_m": np.array([[1.0, 3.0]]),
+        "calibration.rss_dbm": np.array([[-10.0, -30.0]]),
+        "recording.rss_dbm": rss_dbm,
+    }
+    range_m = np.full((*DISTANCE_M.shape, 2), NAN)
+    range_m[..., 0] = np.where(np.isnan(DISTANCE_M), NAN, 2.0)
+    range_m[0, 1, 1, :, 1] = 5.0
+    frame = made({"r": {"range_m": range_m}}, truth_of(POSITION_M, DISTANCE_M) | observed)
+    assert value(frame, "r", "k_outlier") == 8
+    assert value(frame, "r", "k_usual") == 1
+
+
+def test_short_and_long_distances_are_told_apart() -> None:
+    distance_m = np.where(np.isnan(POSITION_M[..., :1]), NAN, np.array([1.0, 3.0, 5.0]))
+    range_m = distance_m[..., None] * 1.1
+    frame = made({"r": {"range_m": range_m}}, truth_of(POSITION_M, distance_m))
+    assert value(frame, "r", "near_m") == pytest.approx(0.1)
+    assert value(frame, "r", "far_m") == pytest.approx(0.5)
+
+
+def test_an_epoch_without_a_fix_is_no_outlier() -> None:
+    error_m = np.array([1.0, 1, 1, 1, 9, 0])
+    offsets = np.zeros((1, 2, 3, 2))
+    offsets[0, ..., 0] = error_m.reshape(2, 3)
+    track = {"position_m": POSITION_M + offsets, "covariance_m2": np.zeros((*POSITION_M.shape, 2))}
+    solved_m = POSITION_M.copy()
+    solved_m[0, 1, 1] = NAN
+    outputs = {"output_m": np.zeros((1, 0, 2)), "output_sample": np.zeros((1, 0)), "position_m": solved_m}
+    outputs |= {"output_iterations": np.zeros((1, 0)), "output_nearest_m": np.zeros((1, 0))}
+    rows = {"trilateration_alone": track, "iterative_fractional_printed": outputs}
+    frame = made(rows, truth_of(POSITION_M, DISTANCE_M))
+    assert frame[frame["metric"] == "outlier_m"].empty
+
+
 def test_a_run_without_any_candidate_counts_in_no_mean_of_trials() -> None:
     range_m = np.full((*DISTANCE_M.shape, 1), NAN)
     range_m[0, 0, :, :, 0] = 2.5
@@ -178,15 +216,17 @@ def test_the_printed_scenario_has_its_digits_and_the_pseudo_inverse_point_does_n
     assert min(off) > 0.1
 
 
-# A hundred repeats, with the settings of the first family as they are before any calibration
+# A hundred repeats, with the settings of each family as they are before any calibration
 
 
-@pytest.fixture(scope="module")
-def repeats() -> dict[str, float]:
+FAMILIES = read_yaml(ROOT / "config/config.yaml")["studies"]["bluetooth_robot"]["families"]
+
+
+@pytest.fixture(scope="module", params=FAMILIES)
+def repeats(request: pytest.FixtureRequest) -> dict[str, float]:
     settings = {n: s["value"] for n, s in PAPER["settings"]["bluetooth_robot"].items()}
-    families = read_yaml(ROOT / "config/config.yaml")["studies"]["bluetooth_robot"]["families"]
     # Short runs: a hundred repeats of six are many enough.
-    settings |= {**next(iter(families.values())), "iterations_most": 12}
+    settings |= {**FAMILIES[request.param], "iterations_most": 12}
     worlds = simulate(settings, [stream(800_000 + n, "bluetooth_robot") for n in range(100)])
     found = {}
     for row in ("pseudo_inverse", "iterative_fractional_printed"):

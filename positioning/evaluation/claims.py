@@ -16,8 +16,9 @@ words    nothing that a study here can measure: ``not testable``, with the reaso
 ======== ==========================================================================================
 
 A printed number stands for all numbers that round to its digits, half a unit of the last one to either
-side; so does a limit, unless the claim says that the limit is ``assumed`` here. The best setting of a
-sweep is one of those tried: it is not rounded, and its interval ends at settings that were tried.
+side; so does a limit, unless the claim says that it is ``exact``, as in "below 1 m", or ``assumed`` here.
+The best setting of a sweep is one of those tried: it is not rounded, and its interval ends at settings
+that were tried.
 
 Before worlds decide a condition, the paper's own printed numbers are put into it: where none of the
 numbers that they stand for fulfil it, the claim ``contradicts itself``. A number that set a free
@@ -291,7 +292,7 @@ def _possible(claim: Mapping[str, Any], low: NDArray[np.float64], high: NDArray[
         (low[0] / high[1], high[0] / low[1]) if claim["kind"] == "ratio" else (low[0], high[0])
     )
     at_least, at_most = claim.get("at_least"), claim.get("at_most")
-    exact = claim.get("limit") == "assumed"
+    exact = claim.get("limit") in ("assumed", "exact")
     return (at_least is None or largest >= float(at_least) - (0 if exact else _half_unit(at_least))) and (
         at_most is None or smallest <= float(at_most) + (0 if exact else _half_unit(at_most))
     )

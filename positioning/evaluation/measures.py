@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from positioning.evaluation.metrics import METRICS, figures_of_merit
 from positioning.evaluation.statistics import paired_difference, single_experiment_interval
@@ -94,9 +95,9 @@ def paired(
 ) -> pd.DataFrame:
     """Return paired differences of mean errors between the rows of a table, on the same worlds.
 
-    Only rows whose errors are of the same quantity are compared. Where a family is a single recording,
-    the samples of that recording are the pairs; that is said in the column ``unit``, because samples of
-    one place are not independent of each other.
+    Only rows whose errors are of the same quantity are compared, at the samples at which both have one.
+    Where a family is a single recording, the samples of that recording are the pairs; that is said in the
+    column ``unit``, because samples of one place are not independent of each other.
 
     Parameters
     ----------
@@ -110,31 +111,44 @@ def paired(
     lines = []
     for family in families:
         present = [row for row in rows if (errors[row]["family"] == family).any()]
-        values = {}
-        for row in present:
-            own = errors[row][errors[row]["family"] == family]
-            several = own["world"].nunique() > 1
-            unit = "world" if several else "sample"
-            values[row] = own.groupby(unit)["error_m"].mean()
+        own = {row: errors[row][errors[row]["family"] == family] for row in present}
+        wide = pd.concat({row: f.set_index(["world", "sample"])["error_m"] for row, f in own.items()}, axis=1)
+        world = wide.index.get_level_values("world")
+        unit = "world" if world.nunique() > 1 else "sample"
+        group = world.factorize(sort=True)[0] if unit == "world" else np.arange(len(wide))
+        values = {row: wide[row].to_numpy(dtype=float) for row in present}
         for algorithm in present:
             for against in present:
                 if algorithm != against and (
                     quantities is None or quantities[algorithm] == quantities[against]
                 ):
-                    both = pd.concat([values[algorithm], values[against]], axis=1, join="inner").to_numpy()
-                    result = paired_difference(both[:, 0], both[:, 1])
-                    lines.append((family, algorithm, against, *result, unit))
+                    means = _common_means(values[algorithm], values[against], group)
+                    lines.append((family, algorithm, against, *paired_difference(*means), unit))
     return pd.DataFrame(lines, columns=PAIRED)
+
+
+def _common_means(
+    first: NDArray[np.float64], second: NDArray[np.float64], group: NDArray[np.intp]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the mean of both in each group, over the samples at which both have an error."""
+    common = ~np.isnan(first + second)
+    count = np.bincount(group[common], minlength=group.max(initial=-1) + 1)
+    sums = [np.bincount(group[common], values[common], len(count)) for values in (first, second)]
+    return sums[0][count > 0] / count[count > 0], sums[1][count > 0] / count[count > 0]
 
 
 def published_numbers(
     claims: Iterable[Mapping[str, Any]], families: Sequence[str]
 ) -> dict[tuple[str, str], dict[str, str]]:
-    """Return the printed digits that belong to rows of the table, by (family, algorithm) and metric."""
+    """Return the printed digits that belong to rows of the table, by (family, algorithm) and metric.
+
+    A printed number that no verdict judges may stand beside the rebuilt one as well.
+    """
     found: dict[tuple[str, str], dict[str, str]] = {}
     for claim in claims:
         quantity = claim.get("quantity", {})
-        if claim["kind"] == "value" and quantity.keys() <= {"algorithm", "metric", "family"}:
+        told = claim["kind"] == "value" or (claim["kind"] == "words" and "printed" in claim and quantity)
+        if told and quantity.keys() <= {"algorithm", "metric", "family"}:
             for family in [quantity["family"]] if "family" in quantity else families:
                 found.setdefault((family, quantity["algorithm"]), {})[quantity["metric"]] = claim["printed"]
     return found

@@ -20,11 +20,14 @@ Measured = Iterator[tuple[str, Values]]
 ROWS = ("robot",)
 """Rows of the measures that are no algorithms."""
 
-REFERENCE = "trilateration_alone"
-"""Its errors tell which epochs are outliers."""
+REFERENCE, FIXES = "trilateration_alone", "iterative_fractional_printed"
+"""The errors of the former, at epochs at which the latter has a solution, tell which are outliers."""
 
 OUTLIERS = 0.75
-"""An epoch is an outlier where the error of `REFERENCE` exceeds this quantile of the world."""
+"""An epoch is an outlier above this quantile of its world."""
+
+NEAR_M, FAR_M = 2.0, 4.0
+"""Ends of what counts as a short distance, and as a long one."""
 
 NEAREST_M = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 """Lower ends of the classes of smallest distance, metres, for the share of iterations that converge."""
@@ -45,7 +48,9 @@ def measures(estimates: Mapping[str, Tree], worlds: Mapping[str, Tree]) -> pd.Da
     DataFrame
         Of the pseudo-row ``robot``: ``iterations_<run>``, ``iterations_mean``. Of ranging rows:
         ``trial_<run>_m``, ``trials_mean_m``, ``trials_sd_m``, ``nearest_m`` (the candidate nearest to the
-        truth, which nobody can know), ``candidates``, ``k_<run>``, ``k_mean``. Of trilateration rows:
+        truth, which nobody can know), ``near_m`` and ``far_m`` (of short and of long distances),
+        ``candidates``, ``k_<run>``, ``k_mean``, ``k_outlier`` and ``k_usual`` (at the epochs whose levels
+        are farthest from the calibration curve, and at the others). Of trilateration rows:
         ``outputs_m`` (mean error of all outputs), ``solver_iterations``, ``converged`` and, by class of the
         smallest distance, ``converged_<class>``. Of tracking rows: ``final_<run>_m``,
         ``final_mean_m``, ``final_sd_m`` (population, as in the paper), ``outlier_m``.
@@ -63,12 +68,15 @@ def measures(estimates: Mapping[str, Tree], worlds: Mapping[str, Tree]) -> pd.Da
                 _lines(family, "robot", np.nan, truth["world"], name, values) for name, values in _robot(runs)
             ]
             outlier = _outliers(own, family, runs)
+            off_curve = _off_curve(sides[(batch, "observed")][family], truth, runs.shape)
             for row, tree in own.items():
                 for branch, step in tree.items():
                     if branch.rpartition("/")[0] == family and not str(step["skipped"]):
                         count = len(step["world"])
                         seen = None if outlier is None else outlier[:count]
-                        found = _of_row(step, {n: v[:count] for n, v in truth.items()}, runs[:count], seen)
+                        shown = {n: v[:count] for n, v in truth.items()}
+                        odd = None if off_curve is None else off_curve[:count]
+                        found = _of_row(step, shown, runs[:count], seen, odd)
                         lines += [
                             _lines(family, row, float(step["value"]), step["world"], name, values)
                             for name, values in found
@@ -97,9 +105,10 @@ def _of_row(
     truth: Mapping[str, NDArray[np.generic]],
     true_m: Values,
     outlier: NDArray[np.bool_] | None,
+    off_curve: NDArray[np.bool_] | None,
 ) -> Measured:
     if "estimate.range_m" in step:
-        yield from _ranging(step, truth, true_m.shape)
+        yield from _ranging(step, truth, true_m.shape, off_curve)
     elif "estimate.output_m" in step:
         yield from _trilateration(step, true_m)
     elif "estimate.covariance_m2" in step:
@@ -110,6 +119,7 @@ def _ranging(
     step: Mapping[str, NDArray[np.generic]],
     truth: Mapping[str, NDArray[np.generic]],
     shape: tuple[int, ...],
+    off_curve: NDArray[np.bool_] | None,
 ) -> Measured:
     range_m = np.asarray(step["estimate.range_m"], dtype=float)
     range_m = range_m.reshape(*shape[:3], *range_m.shape[-2:])
@@ -118,6 +128,8 @@ def _ranging(
     given = ~np.isnan(error_m)
     trials_m = _mean(error_m, given, axis=(2, 3, 4))
     nearest_m = np.where(given, error_m, np.inf).min(axis=-1)
+    for name, chosen in (("near_m", true_m < NEAR_M), ("far_m", true_m >= FAR_M)):
+        yield name, _mean(error_m, given & chosen[..., None], axis=(1, 2, 3, 4))
     candidates = np.count_nonzero(~np.isnan(range_m), axis=-1)
     heard = ~np.isnan(true_m)
     yield from _by_run("trial_{}_m", trials_m)
@@ -128,7 +140,11 @@ def _ranging(
     yield "nearest_m", _mean(nearest_m, np.isfinite(nearest_m), axis=(1, 2, 3))
     yield "candidates", candidates.sum(axis=(1, 2, 3)) / heard.sum(axis=(1, 2, 3))
     epochs = heard.any(axis=-1)
-    trilaterations = np.where(epochs, candidates.prod(axis=-1), 0).sum(axis=2) / epochs.sum(axis=2)
+    combinations = np.where(epochs, candidates.prod(axis=-1), 0)
+    trilaterations = combinations.sum(axis=2) / epochs.sum(axis=2)
+    if off_curve is not None:
+        yield "k_outlier", _mean(combinations, epochs & off_curve, axis=(1, 2))
+        yield "k_usual", _mean(combinations, epochs & ~off_curve, axis=(1, 2))
     yield from _by_run("k_{}", trilaterations)
     yield "k_mean", trilaterations.mean(axis=1)
 
@@ -164,13 +180,45 @@ def _tracking(
 
 
 def _outliers(own: Mapping[str, Tree], family: str, true_m: Values) -> NDArray[np.bool_] | None:
-    """Epochs [w, run * n] at which trilateration alone is far off; None where it did not run."""
+    """Epochs with a fix [w, run * n] at which trilateration alone is far off; None where it did not run."""
     step = own.get(REFERENCE, {}).get(f"{family}/0")
     if step is None or str(step["skipped"]):
         return None
     error_m = _errors(step, true_m)
     error_m = error_m.reshape(len(error_m), -1)
-    return error_m > np.nanquantile(error_m, OUTLIERS, axis=1, keepdims=True)
+    fixes = own.get(FIXES, {}).get(f"{family}/0")
+    if fixes is not None and not str(fixes["skipped"]):
+        solved_m = np.asarray(fixes["estimate.position_m"], dtype=float).reshape(*error_m.shape, 2)
+        error_m = np.where(np.isnan(solved_m[..., 0]), np.nan, error_m)
+    return _above(error_m)
+
+
+def _off_curve(
+    observed: Mapping[str, NDArray[np.generic]],
+    truth: Mapping[str, NDArray[np.generic]],
+    shape: tuple[int, ...],
+) -> NDArray[np.bool_] | None:
+    """Epochs [w, run, n] whose levels lie far from the calibration curve at the true distances."""
+    if "calibration.rss_dbm" not in observed or "recording.rss_dbm" not in observed:
+        return None
+    curve_m, curve_dbm = (
+        np.asarray(observed[f"calibration.{n}"], dtype=float) for n in ("distance_m", "rss_dbm")
+    )
+    true_m = np.asarray(truth["truth.distance_m"], dtype=float).reshape(*shape[:3], -1)
+    expected_dbm = np.stack(
+        [np.interp(m, *curve) for m, *curve in zip(true_m, curve_m, curve_dbm, strict=True)]
+    )
+    rss_dbm = np.asarray(observed["recording.rss_dbm"], dtype=float).reshape(true_m.shape)
+    off_db = np.abs(rss_dbm - expected_dbm).max(axis=-1).reshape(shape[0], -1)
+    return _above(off_db).reshape(shape[:3])
+
+
+def _above(values: Values) -> NDArray[np.bool_]:
+    """Tell which values [w, n] exceed the quantile `OUTLIERS` of their world; NaN does not."""
+    limit = np.full((len(values), 1), np.inf)
+    some = ~np.isnan(values).all(axis=1)
+    limit[some] = np.nanquantile(values[some], OUTLIERS, axis=1, keepdims=True)
+    return np.asarray(values > limit)
 
 
 def _errors(step: Mapping[str, NDArray[np.generic]], true_m: Values) -> Values:
