@@ -294,7 +294,7 @@ class Recording(_Part):
         return replace(self, **cut)
 
 
-_EPOCHS = ("time_s", "rss_dbm", "range_m", "turn_before_rad", "advance_m", "turn_after_rad")
+_EPOCHS: tuple[str, ...] = ("time_s", "rss_dbm", "range_m", "turn_before_rad", "advance_m", "turn_after_rad")
 _EPOCHS += ("fix_m", "fix_residual_m")
 
 

@@ -78,7 +78,9 @@ def orthogonal_search(matrix: ArrayLike, columns: int, *, method: str = "total")
     """
     values = np.asarray(matrix, dtype=np.float64)
     if method not in METHODS:
-        raise InputError(f"method={method!r}", f"it must be one of {', '.join(METHODS)}", "Choose one of them")
+        raise InputError(
+            f"method={method!r}", f"it must be one of {', '.join(METHODS)}", "Choose one of them"
+        )
     if values.ndim < 2 or values.shape[-2] == 0:
         raise InputError("matrix", f"its shape is {values.shape}: no rows", "Give [..., rows, columns]")
     check_columns(columns, values.shape[-1])
@@ -154,7 +156,7 @@ def check_readings(rss_dbm: ArrayLike, access_points: int | None = None) -> Arra
 
 
 def _correlations(values: Array) -> Array:
-    """Return the covariances of all columns, [..., N, N]: their correlations with the constant term chosen."""
+    """Return the covariances of all columns, [..., N, N]: what is left of correlations by the constant."""
     # Less the first row, a constant column is exactly zero, whatever the rounding of means.
     centred = values - values[..., :1, :]
     centred -= centred.mean(axis=-2, keepdims=True)

@@ -85,6 +85,22 @@ def build(line: Mapping[str, Any]) -> Any:
     return cls(**{name: _built(value) for name, value in parameters.items()})
 
 
+def changed(parameters: Mapping[str, Any], setting: str, value: Any) -> dict[str, Any]:
+    """Return settings with one of them changed; a dot leads into the settings of a part.
+
+    Parameters
+    ----------
+    parameters
+        Settings as in a configuration line; they stay as they are.
+    setting
+        For example ``k``, or ``fingerprinting.access_points.columns``.
+    value
+        The new value.
+    """
+    first, _, rest = setting.partition(".")
+    return {**parameters, first: changed(parameters[first], rest, value) if rest else value}
+
+
 def _refuse_unknown(parameters: Mapping[str, Any], known: Mapping[str, Any], use: str) -> None:
     for name in parameters:
         if name not in known:

@@ -24,7 +24,9 @@ class Stack:
     recording, site
         Every array has the leading axis r; what a world knows once stands there for each run.
     survey
-        The world's fingerprints or its calibration run, whichever there is.
+        The world's fingerprints, or its calibration run where there are none.
+    calibration
+        The calibration run, where there is one.
     truth
         For controls.
     generators
@@ -36,6 +38,7 @@ class Stack:
     recording: Recording
     site: Site
     survey: Survey | Calibration | None
+    calibration: Calibration | None
     truth: Truth | None
     generators: list[np.random.Generator]
     shape: tuple[int, ...]
@@ -83,12 +86,16 @@ def stack(observed: Arrays, truth: Arrays | None, generators: Generators) -> Sta
             if value is not None
         }
 
-    survey = Survey.from_arrays(observed) or Calibration.from_arrays(observed)
+    calibration = Calibration.from_arrays(observed)
+    if calibration is not None:
+        calibration = Calibration(**flat(calibration, ()))  # type: ignore[arg-type]
+    survey = Survey.from_arrays(observed)
     seen = Truth.from_arrays(truth) if truth is not None else None
     return Stack(
         recording=Recording(**flat(recording, [f.name for f in fields(Recording)])),  # type: ignore[arg-type]
         site=Site(**flat(site, ())),  # type: ignore[arg-type]
-        survey=None if survey is None else type(survey)(**flat(survey, ())),  # type: ignore[arg-type]
+        survey=calibration if survey is None else Survey(**flat(survey, ())),  # type: ignore[arg-type]
+        calibration=calibration,
         truth=None if seen is None else Truth(**flat(seen, PER_RUN)),  # type: ignore[arg-type]
         generators=list(generators)
         if len(shape) == 1

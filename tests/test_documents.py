@@ -284,7 +284,10 @@ def test_every_setting_of_an_algorithm_is_explained_with_its_default() -> None:
             module = importlib.import_module(f"algorithms.{path.parent.name}.{path.stem}")
             for parameter in inspect.signature(getattr(module, class_name(path.stem))).parameters.values():
                 if parameter.name not in CONTEXT:
-                    expected[path.stem, parameter.name] = parameter.default
+                    default = parameter.default
+                    expected[path.stem, parameter.name] = (
+                        list(default) if isinstance(default, tuple) else default
+                    )
     assert told == expected
 
 

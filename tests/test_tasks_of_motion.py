@@ -429,7 +429,16 @@ def test_the_first_epochs_of_a_recording() -> None:
 def test_a_survey_goes_first_where_a_world_has_both() -> None:
     data = worlds()
     survey = Survey(rss_dbm=np.zeros((WORLDS, 4, 3)), position_m=np.zeros((WORLDS, 4, 2)))
-    assert isinstance(stack({**data.observed, **survey.to_arrays()}, None, generators()).survey, Survey)
+    both = stack({**data.observed, **survey.to_arrays()}, None, generators())
+    assert isinstance(both.survey, Survey)
+    assert both.calibration is not None
+    np.testing.assert_array_equal(both.calibration.rss_dbm[0], data.observed["calibration.rss_dbm"][0])
+
+
+def test_data_without_a_recording_are_skipped_with_a_reason() -> None:
+    observed = {n: v for n, v in worlds().observed.items() if not n.startswith("recording")}
+    for task in (tracking, trilateration):
+        assert task.run(lambda **_: Walker(), observed, None, {}, generators()).skipped
 
 
 def test_a_setting_may_be_an_algorithm() -> None:

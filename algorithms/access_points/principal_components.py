@@ -69,4 +69,4 @@ class PrincipalComponents(TransformerMixin, BaseEstimator):  # type: ignore[misc
         check_is_fitted(self)
         rss = fill_not_heard(check_readings(rss_dbm, self.n_features_in_), self.not_heard_dbm)
         # A sum for each fingerprint by itself: the answer does not depend on the others beside it.
-        return np.einsum("ma,ca->mc", rss - self.mean_dbm_, self.components_)
+        return np.asarray(np.einsum("ma,ca->mc", rss - self.mean_dbm_, self.components_))

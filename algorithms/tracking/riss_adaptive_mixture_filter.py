@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from algorithms.tracking.riss_particle_filter import RissParticleFilter
 from positioning.filters.mixture import Mixture, motion_weights
-from positioning.filters.plane import check_settings
 from positioning.model import Array
 
 
@@ -79,18 +78,11 @@ class RissAdaptiveMixtureFilter(RissParticleFilter):
 
         See Atia et al., section 5.5. Parameters as in `RissParticleFilter.mixture`.
         """
-        check_settings(
-            near=(self.near, 0, 1e6),
-            far=(self.far, 0, 1e6),
-            hold_s=(self.hold_s, 0, 1e9),
-            ramp_s=(self.ramp_s, 1e-6, 1e9),
-        )
-        (first, second), (first_later, second_later) = self.near, self.far
         prediction, wifi = motion_weights(
             time_s,
             moving,
-            near=(first, second),
-            far=(first_later, second_later),
+            near=self.near,
+            far=self.far,
             hold_s=self.hold_s,
             ramp_s=self.ramp_s,
         )

@@ -13,8 +13,8 @@ from positioning.model import Array
 class RissFastMixtureFilter(RissParticleFilter):
     """A mixture particle filter that weighs clusters of predicted samples.
 
-    See Atia et al., section 5.4. Boxes are cut at the median of their longer side; the mean of a cluster stands
-    for its samples, each of which is given its weight. Samples about the fix are weighted one by one.
+    See Atia et al., section 5.4. Boxes are cut at the median of their longer side; the mean of a cluster
+    stands for its samples, each of which is given its weight. Samples about the fix are weighted one by one.
 
     Parameters
     ----------

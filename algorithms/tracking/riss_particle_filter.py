@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from algorithms.fingerprinting.reduced import Reduced
 from positioning.errors import InputError
 from positioning.filters.mixture import Drive, Mixture, SystemNoise, filter_drive, start_at_rest
-from positioning.filters.plane import check_settings, check_stack, track_one
-from positioning.fingerprint_fixes import fingerprint_fixes
-from positioning.inertial.riss import downsample, increments
+from positioning.filters.plane import check_settings, check_stack, track_one, with_leading_axis
+from positioning.fingerprint_fixes import cannot_fix, fingerprint_fixes
+from positioning.inertial.riss import downsample, increments, motion_missing
 from positioning.model import Array, Calibration, Recording, Site, Survey, Track
 
 
@@ -85,11 +85,9 @@ class RissParticleFilter:
 
         See Atia et al., section 5.6.
         """
-        if recording.gyro_rad_per_s is None or recording.odometer_m_per_s is None:
-            return "neither a gyroscope nor an odometer recorded the motion"
-        if not isinstance(survey, Survey) or recording.rss_dbm is None:
-            return "there are no fingerprints that tell a fix"
-        return ""
+        if np.ndim(recording.time_s) == 1 and survey is not None:
+            survey, site = with_leading_axis(survey), with_leading_axis(site)
+        return motion_missing(recording) or cannot_fix(self._algorithm(), survey, recording, site)
 
     def track(
         self,
@@ -140,6 +138,7 @@ class RissParticleFilter:
             start_sigma_m=(self.start_sigma_m, 0, 1e6),
             start_heading_sigma_rad=(self.start_heading_sigma_rad, 0, 1e6),
             scan_every=(self.scan_every, 1, 1e9),
+            downsampling=(self.downsampling, 1, 1e6),
         )
         reason = self.skip(recording, survey, site)
         if reason or not isinstance(survey, Survey):
@@ -149,8 +148,7 @@ class RissParticleFilter:
         length = check_stack(recording, site, beacons=False)
         steps = increments(downsample(recording, factor=self.downsampling))
         mixture = self.mixture(recording.time_s, steps.moving)
-        fingerprinting = Reduced() if self.fingerprinting is None else self.fingerprinting
-        fix_m = _thinned(fingerprint_fixes(fingerprinting, survey, recording), self.scan_every)
+        fix_m = _thinned(fingerprint_fixes(self._algorithm(), survey, recording), self.scan_every)
         heading_rad = recording.start_heading_rad
         start = start_at_rest(
             recording.time_s,
@@ -169,6 +167,9 @@ class RissParticleFilter:
             noise=SystemNoise(self.turn_noise_rad_per_sqrt_s, self.distance_noise),
             mixture=mixture,
         )
+
+    def _algorithm(self) -> Any:
+        return Reduced() if self.fingerprinting is None else self.fingerprinting
 
 
 def _thinned(fix_m: Array, every: int) -> Array:

@@ -154,14 +154,14 @@ def start_at_rest(
     heading_sigma_rad
         Standard deviation of a heading that was noted.
     """
-    resting = ~np.logical_or.accumulate(moving, axis=1) & ~np.isnan(time_s)
-    resting[:, 0] = True
+    driven = np.logical_or.accumulate(moving & (np.arange(time_s.shape[1]) > 0), axis=1)
+    resting = ~driven & ~np.isnan(time_s)
     there = resting & np.isfinite(fix_m).all(axis=-1)
     # Running sums add one after the other, so that the mean does not depend on what comes later.
     count = np.cumsum(there, axis=1)[..., None]
     mean_m = np.cumsum(np.where(there[..., None], fix_m, 0.0), axis=1) / np.maximum(count, 1)
-    centre_m = np.nanmean(anywhere_m, axis=1)[:, None]
-    spread_m = np.maximum(np.nanstd(anywhere_m, axis=1), sigma_m)[:, None]
+    centre_m = np.mean(anywhere_m, axis=1)[:, None]
+    spread_m = np.maximum(np.std(anywhere_m, axis=1), sigma_m)[:, None]
     return Start(
         resting,
         np.where(count > 0, mean_m, centre_m),
@@ -174,8 +174,8 @@ def start_at_rest(
 def exponential_weights(distance_m: ArrayLike, factor: ArrayLike = 1.0, scale_m: float = 1.0) -> Array:
     """Return factor * exp(-distance / scale), normalised, [..., p].
 
-    See Atia et al., section 5.2: the Euclidean distance itself, not its square, and one metre as its unit. The
-    largest exponent is taken off all of them first; literally, all weights vanish from 745 metres on.
+    See Atia et al., section 5.2: the Euclidean distance itself, not its square, in metres. The largest
+    exponent is taken off all of them first; literally, all weights vanish from 745 metres on.
 
     Parameters
     ----------
@@ -195,8 +195,8 @@ def motion_weights(
     time_s: Array,
     moving: NDArray[np.bool_],
     *,
-    near: tuple[float, float],
-    far: tuple[float, float],
+    near: Sequence[float],
+    far: Sequence[float],
     hold_s: float,
     ramp_s: float,
 ) -> tuple[Array, Array]:
@@ -215,7 +215,18 @@ def motion_weights(
         A and B before and after the ramp.
     hold_s, ramp_s
         Seconds of motion until the ramp begins, and its length.
+
+    Raises
+    ------
+    InputError
+        For senseless settings.
     """
+    for name, pair in (("near", near), ("far", far)):
+        if np.shape(pair) != (2,):
+            raise InputError(f"{name}={pair}", "it must be a pair", "Give the factors A and B")
+    check_settings(
+        near=(near, 0, 1e6), far=(far, 0, 1e6), hold_s=(hold_s, 0, 1e9), ramp_s=(ramp_s, 1e-6, 1e9)
+    )
     standing = ~moving
     standing[..., 0] = True
     stood_s = np.maximum.accumulate(np.where(standing, time_s, -np.inf), axis=-1)
@@ -251,7 +262,7 @@ def draw(weight: Array, uniform_draws: Array) -> Index:
         index[row] = steps.searchsorted(places, side="right")
     # Rounding may put the last position at the total, behind all samples.
     last = weight.shape[-1] - 1 - np.argmax(weight[:, ::-1] > 0, axis=-1)
-    return np.minimum(index, last[:, None], out=index)
+    return np.asarray(np.minimum(index, last[:, None]))
 
 
 class Clusters(NamedTuple):
@@ -318,7 +329,7 @@ class _Level(NamedTuple):
     """Boxes that are cut at the same time.
 
     ``slots`` [boxes, most] are their places in the order, filled up with their first where ``filling``;
-    ``ranks`` are the ranks of all cuts.
+    ``ranks`` are those of all cuts, and of the first that fills up.
     """
 
     slots: Index
@@ -336,8 +347,10 @@ def _cuts(samples: int, clusters: int) -> tuple[Index, list[_Level]]:
         size = np.array([first[high] for _, high in boxes]) - begin
         filling = np.arange(size.max()) >= size[:, None]
         slots = begin[:, None] + np.where(filling, 0, np.arange(size.max()))
-        ranks = sorted({int(first[middle] - start) for middle, start in zip(middles, begin, strict=True)})
-        levels.append(_Level(slots, filling, ranks))
+        # What fills up a smaller box must not come before its own samples either.
+        ranks = {int(first[middle] - start) for middle, start in zip(middles, begin, strict=True)}
+        ranks |= set(size[size < size.max()].tolist())
+        levels.append(_Level(slots, filling, sorted(ranks)))
         halves = zip(boxes, middles, strict=True)
         boxes = [box for (low, high), middle in halves for box in ((low, middle), (middle, high))]
     return first[:-1], levels
@@ -477,7 +490,7 @@ def filter_drive(
         np.where(ended, np.nan, mixture.weight_prediction), np.where(ended, np.nan, mixture.weight_wifi)
     )
     for name, factor in zip(("weight_prediction", "weight_wifi"), factors, strict=True):
-        check_settings(**{f"least {name}": (np.nanmin(factor), 0, np.inf)})
+        check_settings(**{f"least {name}": (np.min(factor[~ended]), 0, np.inf)})
     added = round(mixture.from_wifi * particles)
     position_m = np.full((count, epochs, 2), np.nan)
     covariance_m2 = np.full((count, epochs, 2, 2), np.nan)
@@ -495,10 +508,13 @@ def filter_drive(
             running = rows[length[rows] > epoch]
             predicted = sample[: len(running), :, :particles]
             if epoch:
+                place = running, epoch
                 predict(
                     predicted,
-                    *(part[running, epoch] for part in (drive.turn_rad, drive.forward_m, drive.left_m)),
-                    turn_sigma_rad[running, epoch],
+                    drive.turn_rad[place],
+                    drive.forward_m[place],
+                    drive.left_m[place],
+                    turn_sigma_rad[place],
                     noise.distance,
                     standard_normal(own[: len(running)], (2, particles)),
                 )

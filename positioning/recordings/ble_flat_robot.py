@@ -3,6 +3,7 @@
 Measured by M. Kolakowski (2021) in four runs; a LiDAR tells where the robot is.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,25 +22,27 @@ PAUSE_S = 60.0
 """The file holds the runs one behind the other; between them are pauses longer than this."""
 
 RSS_COLUMNS = ("rssi_1", "rssi_2", "rssi_3", "rssi_4", "rssi_5", "rssi_6")
-POSE_COLUMNS = ("ts", "x", "y", "heading")
+PLACE_COLUMNS = ("ts", "x", "y")
 
 
 def load(folder: str | Path, *, run: int = 1, window_s: float = 1.0, cell_m: float = 0.25) -> Worlds:
     """Load one run to locate, and the other three as survey and calibration.
 
     The file has a row every third of a second. The epochs of the recording are windows, counted from the
-    run's start; strengths are means in dBm over the rows of a window in which the anchor was heard, time,
-    place and heading those over all its rows.
+    run's start; strengths are means in dBm over the rows of a window in which the anchor was heard, time
+    and place those over all its rows.
 
-    The robot stands still between its moves, and the LiDAR's noise makes a new place of nearly every row:
-    the survey therefore is thinned to one fingerprint for each square cell of the flat that has rows of the
-    other runs. Its strengths and its place are means over these rows.
+    The robot stands still between its moves, and the LiDAR's noise makes of one stop many places, millimetres
+    apart: the survey therefore is thinned to one fingerprint for each square cell of the flat that has rows
+    of the other runs. Its strengths and its place are means over these rows.
 
     The calibration holds every reading of the other runs with its planar distance, of all anchors alike,
-    though their laws differ: exponents are 1.5 to 3.1 at 5 to 8 dB of scatter about each anchor's own curve.
-    A single curve fits badly, and worse near an anchor: those hang 0.5 to 1.3 m above the tag.
+    though their laws differ: exponents are 1.3 to 2.7, at 5 to 8 dB of scatter about each anchor's own curve.
+    A single curve fits badly, and worse near an anchor: those hang 0.5 to 1.3 m above the tag, and over
+    distances in space their exponents are 1.5 to 3.1.
 
-    Of the motion only commands are recorded. They are not read, and the recording holds no motion.
+    Of the motion only commands are recorded. They are not read, and the recording holds no motion. Nor is
+    the heading of the file read: it points backwards, against the way that the robot goes forward.
 
     Parameters
     ----------
@@ -59,8 +62,7 @@ def load(folder: str | Path, *, run: int = 1, window_s: float = 1.0, cell_m: flo
         ``site.wall_m`` [1, 37, 2, 2], ``survey.rss_dbm`` [1, p, 6], NaN where a cell never heard an
         anchor, ``survey.position_m`` [1, p, 2], ``calibration.distance_m`` and ``calibration.rss_dbm``
         [1, m], ``recording.time_s`` [1, n] from the run's start, ``recording.rss_dbm`` [1, n, 6], and as
-        truth ``truth.position_m`` [1, n, 2], ``truth.heading_rad`` [1, n] and ``truth.distance_m``
-        [1, n, 6].
+        truth ``truth.position_m`` [1, n, 2] and ``truth.distance_m`` [1, n, 6].
 
     Raises
     ------
@@ -94,7 +96,7 @@ def load(folder: str | Path, *, run: int = 1, window_s: float = 1.0, cell_m: flo
     other_dbm = other[strengths].to_numpy()
     heard = np.isfinite(other_dbm)
     other_distance_m = pairwise_distance_m(other[["x", "y"]].to_numpy(), anchor_m)
-    epoch = own.groupby(own["time_s"] // window_s)[["time_s", "x", "y", "heading", *strengths]].mean()
+    epoch = own.groupby(own["time_s"] // window_s)[["time_s", "x", "y", *strengths]].mean()
     position_m = epoch[["x", "y"]].to_numpy()
 
     site = Site(
@@ -109,7 +111,6 @@ def load(folder: str | Path, *, run: int = 1, window_s: float = 1.0, cell_m: flo
     recording = Recording(time_s=epoch["time_s"].to_numpy()[None], rss_dbm=epoch[strengths].to_numpy()[None])
     truth = Truth(
         position_m=position_m[None],
-        heading_rad=epoch["heading"].to_numpy()[None],
         distance_m=pairwise_distance_m(position_m, anchor_m)[None],
     )
     return Worlds(
@@ -125,7 +126,7 @@ def load(folder: str | Path, *, run: int = 1, window_s: float = 1.0, cell_m: flo
 
 def _readings(folder: str | Path) -> pd.DataFrame:
     """Return all rows with their run, and their time from its start, seconds."""
-    rows = _numbers(folder, READINGS, list(POSE_COLUMNS), list(RSS_COLUMNS))
+    rows = _numbers(folder, READINGS, list(PLACE_COLUMNS), RSS_COLUMNS)
     clock_s = (rows["ts"].to_numpy() - rows["ts"].iloc[0]) * 1e-9
     if (np.diff(clock_s) <= 0).any():
         raise _unreadable(READINGS, "the times", ValueError("they do not increase"))
@@ -137,20 +138,17 @@ def _readings(folder: str | Path) -> pd.DataFrame:
     return rows.assign(run=run + 1, time_s=np.round(clock_s - start_s, 3))
 
 
-def _numbers(
-    folder: str | Path, file: str, complete: list[str], gappy: list[str] | None = None
-) -> pd.DataFrame:
-    """Read columns of numbers; cells may be empty in the ``gappy`` ones only."""
+def _numbers(folder: str | Path, file: str, complete: list[str], gappy: Sequence[str] = ()) -> pd.DataFrame:
+    """Read columns of numbers; only in the ``gappy`` ones, which hold strengths, cells may be empty."""
     path = find_file(folder, file)
-    columns = [*complete, *(gappy or [])]
+    columns = [*complete, *gappy]
     try:
         table = pd.read_csv(path, usecols=columns, dtype=float)[columns]
         if table.empty or not np.isfinite(table[complete].to_numpy()).all():
             raise ValueError("there is no row, or a cell is empty or not finite")
-        if not (table[gappy or []].to_numpy() < 0).all(where=table[gappy or []].notna().to_numpy()):
-            raise ValueError("a strength is not below 0 dBm")
-        if np.isinf(table.to_numpy()).any():
-            raise ValueError("a value is infinite")
+        strength_dbm = table[list(gappy)].to_numpy()
+        if np.isinf(strength_dbm).any() or (strength_dbm >= 0).any():
+            raise ValueError("a strength is infinite, or not below 0 dBm")
     except (ValueError, TypeError) as error:
         raise _unreadable(file, f"the columns {', '.join(columns)}", error) from error
     return table

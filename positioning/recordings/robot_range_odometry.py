@@ -67,12 +67,12 @@ def load(
     divided by their duration, at its middle (``plaza1``), or the rates as the file has them
     (``labyrinth``).
 
-    Plaza ranges are too long: by 2.8 m on the mean, and by 7 % of the distance. ``offset_from_first_s``
+    Plaza ranges are too long: by 2.8 m on the mean, which is 7 % of the distance. ``offset_from_first_s``
     finds the mean error of the ranges of a first part from its true places, takes it off all others, and
     leaves the first part out of the epochs; the motion stays whole. What rises with the distance stays:
-    about 1.1 m of scatter. Two stretches of the file's ranges stand behind later ones; they are sorted by
-    time. The turns of the odometry are the differences of the true headings, to the last digit: a drift of
-    the heading cannot be studied here, and ``truth.heading_rad`` is not given.
+    about 1.1 m of scatter. Two stretches of the file's ranges stand behind later ones; they come to the
+    epochs of their own times. The turns of the odometry are the differences of the true headings, to the
+    last digit: a drift of the heading cannot be studied here, and ``truth.heading_rad`` is not given.
 
     The labyrinth's wheel speeds are left and right in this order, and the length in the file is half the
     distance between the wheels, as in the publisher's own motion model: only so do turns agree with the
@@ -110,14 +110,13 @@ def load(
     _check_options(name, window_s, offset_from_first_s)
     run = _plaza(folder) if name == "plaza1" else _labyrinth(folder)
     within = (run.range_time_s >= run.truth_time_s[0]) & (run.range_time_s <= run.truth_time_s[-1])
-    order = np.flatnonzero(within)[np.argsort(run.range_time_s[within], kind="stable")]
-    time_s, beacon, range_m = run.range_time_s[order], run.beacon[order], run.range_m[order]
+    time_s, beacon, range_m = run.range_time_s[within], run.beacon[within], run.range_m[within]
 
     first = time_s < offset_from_first_s
     if first.all() or (offset_from_first_s > 0 and not first.any()):
         raise InputError(
             "robot_range_odometry, option offset_from_first_s",
-            f"the first {offset_from_first_s} s of {name} hold {np.count_nonzero(first)} of {len(time_s)} ranges",
+            f"the first {offset_from_first_s} s hold {np.count_nonzero(first)} of {len(time_s)} ranges",
             "Choose a first part with some of the ranges, or 0",
         )
     if first.any():
@@ -191,7 +190,7 @@ def motion_between(
     left_m = way_m[:, 1] * np.cos(before) - way_m[:, 0] * np.sin(before)
     # A robot that drives backwards does not turn round for it.
     sign = np.where(forward_m < 0, -1.0, 1.0)
-    turn_before_rad = np.arctan2(sign * left_m, sign * forward_m)
+    turn_before_rad = np.arctan2(sign * left_m, np.abs(forward_m))
     turn_after_rad = np.diff(epoch_heading_rad) - turn_before_rad
     advance_m = sign * np.hypot(forward_m, left_m)
     motion = (np.concatenate([[0.0], part]) for part in (turn_before_rad, advance_m, turn_after_rad))

@@ -34,10 +34,11 @@ def load(folder: str | Path, *, name: str = "exp2", calibration: str = "exp3") -
     is dead in ``exp1``, a stub of 22 rows.
 
     The odometer's speed is the central difference of the distance that the wheels travelled, which does not
-    start at zero in all runs and is 10 to 25 % shorter than the tracked path. The turn rate is as recorded;
-    its sign is right, but in ``exp2`` the robot turns by less than half of it, and in ``exp2.1`` by three
-    quarters. Between two epochs the robot is thought to drive along the mean of its headings at both,
-    and to turn at the mean of the two rates. Its heading was tracked without a sign, and thus is not known.
+    start at zero in all runs and is 10 to 25 % shorter than the tracked path. The turn rate is as recorded,
+    in steps of 0.05 rad/s like a command. Its sign agrees with the path; the course turns by 0.4 times as
+    much in ``exp2``, by 0.7 times in ``exp2.1``, and by 0.9 to 1.2 times in the others. Between two epochs
+    the robot is thought to drive along the mean of its headings at both, and to turn at the mean of
+    the two rates. Of its heading only one part of a quaternion was kept, without the sign: it is not known.
 
     Parameters
     ----------

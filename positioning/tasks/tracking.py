@@ -54,8 +54,10 @@ def run(
     Raises
     ------
     InputError
-        For data without a recording, or an answer of the wrong shape or with NaN in it.
+        For data without a site, or an answer of the wrong shape or with NaN in it.
     """
+    if "recording.time_s" not in observed:
+        return Outcome(skipped="there is no recording")
     stacked = stack(observed, truth, generators)
     algorithm = make(**({} if stacked.truth is None else {"truth": stacked.truth}))
     given = (stacked.recording, stacked.survey, stacked.site)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from positioning.errors import InputError
 from positioning.fixes import locate
-from positioning.model import Arrays, Calibration
+from positioning.model import Arrays
 from positioning.ranging import TooManyCombinations
 from positioning.registry import Factory, build
 from positioning.stacks import stack
@@ -52,16 +52,17 @@ def run(
         over all runs, -1 fills up), ``output_nearest_m`` [world, t], the smallest distance, and
         ``output_iterations`` [world, t], -1 with an output of NaN where the solver did not converge.
     """
+    if "recording.time_s" not in observed:
+        return Outcome(skipped="there is no recording")
     stacked = stack(observed, None, generators)
     if stacked.site.access_point_m is None:
         return Outcome(skipped="the places of the beacons are not known")
     start = perf_counter()
-    survey = stacked.survey if isinstance(stacked.survey, Calibration) else None
-    if survey is None and stacked.recording.range_m is None:
+    if stacked.calibration is None and stacked.recording.range_m is None:
         return Outcome(skipped="there are neither distances nor a calibration run to learn them from")
     ranging = build(options.get("ranging") or DEFAULT_RANGING)
     try:
-        fixes = locate(ranging, make(), survey, stacked.recording, stacked.site)
+        fixes = locate(ranging, make(), stacked.calibration, stacked.recording, stacked.site)
     except TooManyCombinations as error:
         return Outcome(skipped=str(error))
     seconds = np.full(len(generators), (perf_counter() - start) / len(generators))

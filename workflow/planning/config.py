@@ -295,8 +295,9 @@ def _entries(values: Mapping[str, Any], key: str, root: Path) -> dict[str, Entry
             worlds=line.get("worlds"),
         )
         if entry.source is not None:
-            parameters = [*entry.parameters, *([entry.over[0]] if entry.over else [])]
-            _known_parameters(parameters, root / entry.source, use, where)
+            _known_parameters(entry.parameters, root / entry.source, use, where)
+            if entry.over:
+                _check_swept(entry.over[0], {"use": use, "task": task, **entry.parameters}, where, root)
         entries[name] = entry
     return entries
 
@@ -356,6 +357,23 @@ def _with_tasks(value: Any, files: Mapping[str, list[str]], key: str, root: Path
         source = root / f"algorithms/{built['task']}/{built['use']}.py"
         _known_parameters([k for k in built if k not in ("use", "task")], source, built["use"], key)
     return built
+
+
+def _check_swept(setting: str, line: Mapping[str, Any], key: str, root: Path) -> None:
+    """Check the setting of a sweep; a dot leads into the settings of a part of the algorithm."""
+    first, _, rest = setting.partition(".")
+    source = root / f"algorithms/{line['task']}/{line['use']}.py"
+    if "." not in line["use"]:
+        _known_parameters([first], source, line["use"], key)
+    if rest:
+        part = line.get(first)
+        if not isinstance(part, Mapping) or "use" not in part:
+            raise InputError(
+                f"{key}.over.{setting}",
+                f"the row builds no algorithm as its {first}",
+                f"Give the row {first}: {{use: ...}}, or sweep another setting",
+            )
+        _check_swept(rest, part, f"{key}.{first}", root)
 
 
 def _nested(value: Any) -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 from positioning.files import read_tree, write_tree
 from positioning.fixes import of_outputs
 from positioning.joblog import logging_to
-from positioning.registry import factory
+from positioning.registry import changed, factory
 from positioning.seeds import stream
 
 
@@ -43,7 +43,7 @@ def main(
             arrays |= of_outputs(outputs, arrays["recording.time_s"]) if "output_m" in outputs else {}
         seeds = [int(seed) for seed in arrays["seed"]]
         for number, step in enumerate(steps):
-            parameters = dict(row["parameters"]) if setting is None else {**row["parameters"], setting: step}
+            parameters = row["parameters"] if setting is None else changed(row["parameters"], setting, step)
             try:
                 # The stream hangs on the algorithm's own name, so that variants of it draw alike.
                 outcome = run(

@@ -1,0 +1,1 @@
+"""Navigation by inertial sensors and odometers: the earth, and the mechanisation of wheeled vehicles."""
