@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from positioning.errors import InputError
 from positioning.geometry import pairwise_distance_m
 from positioning.model import Array, Arrays, Calibration, Recording, Site
-from positioning.ranging import combinations
+from positioning.ranging import check_candidates, combinations
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,8 +80,11 @@ def locate(
     InputError
         Where the places of the beacons are not known, or there is nothing to learn distances from.
     """
-    if recording.fix_m is not None and recording.fix_residual_m is not None:
+    if recording.fix_m is not None:
+        # Fixes without residuals fit equally well.
         residual_m = recording.fix_residual_m
+        if residual_m is None:
+            residual_m = np.where(np.isnan(recording.fix_m).any(axis=-1), np.nan, 0.0)
         return Fixes(
             position_m=recording.fix_m,
             residual_m=residual_m,
@@ -93,8 +96,9 @@ def locate(
     if recording.range_m is not None:
         candidates = [np.asarray(ranges, dtype=float)[..., None] for ranges in recording.range_m]
     elif recording.rss_dbm is not None and calibration is not None:
+        whose = f"answer of the ranging {type(ranging).__name__}"
         candidates = [
-            ranging.fit(distance_m, rss_dbm).distances(heard_dbm)
+            check_candidates(ranging.fit(distance_m, rss_dbm).distances(heard_dbm), heard_dbm.shape, whose)
             for distance_m, rss_dbm, heard_dbm in zip(
                 calibration.distance_m, calibration.rss_dbm, recording.rss_dbm, strict=True
             )
@@ -102,8 +106,8 @@ def locate(
     else:
         raise InputError(
             "recording",
-            "it holds neither distances, nor received strengths with a calibration",
-            "Give range_m, or rss_dbm and a calibration run",
+            "it holds neither fixes, nor distances, nor received strengths with a calibration",
+            "Give fix_m, range_m, or rss_dbm and a calibration run",
         )
     parts = [combinations(candidate) for candidate in candidates]
     range_m = np.concatenate([part[0] for part in parts])
@@ -172,7 +176,14 @@ def _solved(
     for number, beacons in enumerate(layouts.reshape(-1, *beacon_m.shape[1:])):
         own = layout.reshape(-1)[owner] == number
         if own.any():
-            position_m[own] = trilateration.solve(beacons, range_m[own])
+            solved = np.asarray(trilateration.solve(beacons, range_m[own]), dtype=float)
+            if solved.shape != (np.count_nonzero(own), 2):
+                raise InputError(
+                    f"answer of the trilateration {type(trilateration).__name__}",
+                    f"shape {solved.shape} for ranges {range_m[own].shape}",
+                    "Return [..., 2] in metres",
+                )
+            position_m[own] = solved
             iterations[own] = getattr(trilateration, "iterations_", 0)
     position_m[iterations < 0] = np.nan
     return position_m, iterations

@@ -74,6 +74,33 @@ def crossings(curve_distance_m: ArrayLike, curve_dbm: ArrayLike, rss_dbm: ArrayL
     return found[..., :most]
 
 
+def check_candidates(range_m: ArrayLike, readings: tuple[int, ...], name: str) -> Array:
+    """Return what a ranging algorithm answered if it is candidate distances of these readings.
+
+    Parameters
+    ----------
+    range_m
+        The answer, [..., b, c], metres; NaN fills up.
+    readings
+        Shape of the readings, (..., b).
+    name
+        Whose answer it is, for the error.
+
+    Raises
+    ------
+    InputError
+        For another shape, or a distance that is infinite, zero or negative.
+    """
+    found = np.asarray(range_m, dtype=np.float64)
+    if found.shape[:-1] != readings or np.isinf(found).any() or (found <= 0).any():
+        raise InputError(
+            name,
+            f"shape {found.shape} for readings {readings}, or distances that are infinite, zero or negative",
+            "Return [..., beacon, candidate] in metres, NaN fills up",
+        )
+    return found
+
+
 class TooManyCombinations(InputError):
     """So many candidate distances that not all their combinations can be solved."""
 
@@ -125,7 +152,7 @@ def combinations(range_m: ArrayLike, *, limit: int = 10_000) -> tuple[Array, NDA
     if most > limit:
         raise TooManyCombinations(
             "range_m",
-            f"a sample has {most:.15g} combinations of candidate distances, at most {limit} are allowed",
+            f"a sample has {most:.5g} combinations of candidate distances, at most {limit} are allowed",
             "Use the ranging path_loss, which has one candidate, or a smoother curve",
         )
     total = np.where(usable, np.prod(choices, axis=-1), 0)

@@ -74,6 +74,24 @@ WRONG = {
         ),
         ["algorithms.a.ranging.nearest", "parameter of path_loss", "nearest_m"],
     ),
+    "ranging that is no algorithm": (
+        lambda s: s.update(algorithms={"wknn": {}, "pseudo_inverse": {"ranging": "path_loss"}}),
+        ["algorithms.pseudo_inverse.ranging", "'path_loss'", "{use:"],
+    ),
+    "ranging of another task": (
+        lambda s: s.update(algorithms={"wknn": {}, "pseudo_inverse": {"ranging": {"use": "least_squares"}}}),
+        ["algorithms.pseudo_inverse.ranging", "no ranging algorithm"],
+    ),
+    "fixes and ranging": (
+        lambda s: s.update(
+            algorithms={
+                "wknn": {},
+                "pseudo_inverse": {},
+                "a": {"use": "particle_filter", "fixes": "pseudo_inverse", "ranging": {"use": "path_loss"}},
+            }
+        ),
+        ["algorithms.a.ranging", "pseudo_inverse", "one of the two"],
+    ),
     "fixes of a row that gives none": (
         lambda s: s.update(algorithms={"wknn": {}, "a": {"use": "particle_filter", "fixes": "wknn"}}),
         ["algorithms.a.fixes", "'wknn'", "trilateration row"],

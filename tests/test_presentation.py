@@ -341,7 +341,7 @@ def test_answer_counts_the_verdicts(built):
 def test_study_page_tells_setting_calibration_skips_and_build(built):
     told = Page(built[f"{STUDY}.html"]).text
     assert "did not run: kernel <too> large & slow" in told
-    assert "noise_db = 4.321 was set so that wknn reaches its printed 3.00" in told
+    assert "noise_db = 4.321 was set so that mean_m of wknn is the printed 3.00" in told
     assert "4.321 (calibrated)" in told
     assert "after 7 values tried" in told
     assert "0abc" in told

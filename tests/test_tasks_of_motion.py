@@ -295,6 +295,35 @@ def test_too_many_combinations_are_a_reason_and_no_failure() -> None:
     assert made.skipped == skipped
 
 
+def test_wrong_answers_of_parts_are_laid_at_their_door() -> None:
+    class Negative(Twice):
+        def distances(self, rss_dbm: Any) -> Any:
+            return np.asarray(rss_dbm)[..., None]
+
+    class Flat(Far):
+        def solve(self, beacon_m: Any, range_m: Any) -> Any:
+            return np.zeros(len(range_m))
+
+    data = worlds()
+    with pytest.raises(InputError, match="ranging Negative"):
+        located(Negative(), Far(), data)
+    with pytest.raises(InputError, match="trilateration Flat"):
+        located(Twice(), Flat(), data)
+
+
+def test_fixes_without_residuals_fit_equally_well() -> None:
+    fix_m = np.array([[[[1.0, 2.0], [np.nan, np.nan]]]])
+    recording = Recording(time_s=np.zeros((1, 1)), fix_m=fix_m)
+    fixes = locate(None, None, None, recording, Site(corner_m=np.zeros((1, 2, 2))))
+    np.testing.assert_array_equal(fixes.least_residual(), [[[1.0, 2.0]]])
+    assert fixes.count.tolist() == [[1]]
+
+
+def test_ranging_without_true_distances_says_what_is_missing() -> None:
+    with pytest.raises(InputError, match=r"truth.distance_m"):
+        ranging.score({"range_m": np.zeros((1, 1, 1, 1))}, {"truth.position_m": np.zeros((1, 1, 2))})
+
+
 # Tracking
 
 
@@ -399,6 +428,7 @@ def test_a_skip_is_asked_before_and_its_reason_kept() -> None:
         (lambda t: {"position_m": t.position_m * np.nan}, "not finite"),
         (lambda t: {"covariance_m2": np.full_like(t.covariance_m2, np.inf)}, "covariance_m2"),
         (lambda t: {"position_m": t.position_m[:2]}, "epochs"),
+        (lambda t: {"covariance_m2": -t.covariance_m2}, "negative variance"),
     ],
 )
 def test_a_wrong_track_is_refused(change: Any, said: str) -> None:

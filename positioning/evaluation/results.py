@@ -5,7 +5,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from positioning.files import Tree, read_errors, read_tree
 
@@ -67,6 +69,8 @@ class StudyResults:
         The first batch of worlds, for drawing one of them.
     paper
         What the paper reports: settings, claims, readings.
+    estimate_files
+        Estimates of the rows of the table for the first batch of worlds.
     """
 
     study: str
@@ -77,11 +81,35 @@ class StudyResults:
     observed: Tree
     truth: Tree
     paper: dict[str, Any] = field(default_factory=dict)
+    estimate_files: tuple[str, ...] = ()
 
     def errors(self, row: str, family: str | None = None) -> pd.DataFrame:
         """Return raw errors of a row: ``family, value, world, sample, error_m`` and components."""
         frame, _ = read_row_errors([p for p in self.error_files if Path(p).parent.name == row])
         return frame if family is None else frame[frame["family"] == family]
+
+    def estimate(self, row: str, family: str) -> dict[str, NDArray[np.generic]]:
+        """Return the estimates of a row in the first batch of worlds, one line a world.
+
+        Parameters
+        ----------
+        row
+            A row of the table.
+        family
+            A family of worlds.
+
+        Returns
+        -------
+        dict
+            What the row estimated, for example ``position_m`` and ``covariance_m2``; empty where it was
+            skipped or has no file.
+        """
+        path = min((p for p in self.estimate_files if Path(p).parent.name == row), default=None)
+        step = {} if path is None else read_tree(path).get(f"{family}/0", {})
+        if not step or str(step["skipped"]):
+            return {}
+        prefix = "estimate."
+        return {name.removeprefix(prefix): v for name, v in step.items() if name.startswith(prefix)}
 
     def families(self) -> list[str]:
         """Return the families of worlds, or the recordings, in their order."""

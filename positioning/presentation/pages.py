@@ -163,6 +163,7 @@ def study_page(report: Report) -> str:
             settings=_settings(report),
             readings=report.paper.get("readings", {}).get(report.study, []),
             entries=[_entry(name, value) for name, value in report.plan["entries"].items()],
+            printed_in_table=any(cell.printed for row in rows for cell in row.cells.values()),
             tasks=list(dict.fromkeys(tables.task(value) for value in report.plan["entries"].values())),
             manifest=flatten(report.manifest),
             sources=_sources(report),
@@ -358,6 +359,7 @@ def _task_table(task: str, rows: Sequence[Row]) -> dict[str, Any]:
     return {
         "task": task,
         "rows": rows,
+        "differ": len({row.samples for row in rows if row.cells}) > 1,
         "size": tables.size_of(rows),
         "central": tables.central(tables.most_worlds(rows)),
     }

@@ -293,6 +293,9 @@ def study_markdown(title: str, table: pd.DataFrame, claims: pd.DataFrame, paper:
 def size_of(rows: Sequence[Row]) -> str:
     """Return in words how many samples and worlds stand behind rows of one family."""
     sizes = sorted({(row.samples, row.worlds) for row in rows if row.cells})
+    if len(sizes) > 2 and len({w for _, w in sizes}) == 1:
+        (low, worlds), (high, _) = sizes[0], sizes[-1]
+        return f"n = {low} to {high} samples" + (f" in each of {worlds} worlds." if worlds > 1 else ".")
     return "; ".join(
         f"n = {n} sample{'s' * (n != 1)}" + (f" in each of {w} worlds" if w > 1 else "") for n, w in sizes
     ) + ("." if sizes else "")

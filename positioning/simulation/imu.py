@@ -11,10 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from positioning.errors import InputError
+from positioning.inertial.earth import EARTH_RATE_RAD_PER_S
 from positioning.model import Array
-
-EARTH_RATE_RAD_PER_S = 7.292115e-5
-"""Turn rate of the earth against the stars (WGS 84)."""
 
 
 @dataclass(frozen=True, kw_only=True)

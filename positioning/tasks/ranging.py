@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from positioning.errors import InputError
 from positioning.model import Arrays, Calibration, Recording, world
+from positioning.ranging import check_candidates
 from positioning.registry import Factory
 from positioning.tasks import Outcome
 
@@ -56,14 +57,7 @@ def run(
         algorithm = make().fit(calibration.distance_m, calibration.rss_dbm)
         found = np.asarray(algorithm.distances(recording.rss_dbm), dtype=float)
         seconds.append(perf_counter() - start)
-        if found.shape[:-1] != recording.rss_dbm.shape or np.isinf(found).any() or (found < 0).any():
-            raise InputError(
-                "its answer",
-                f"shape {found.shape} for readings {recording.rss_dbm.shape}, or distances that are infinite"
-                " or negative",
-                "Return [..., beacon, candidate] in metres, NaN fills up",
-            )
-        ranges.append(found)
+        ranges.append(check_candidates(found, recording.rss_dbm.shape, "its answer"))
     most = max(found.shape[-1] for found in ranges)
     filled = [
         np.pad(found, [(0, 0)] * (found.ndim - 1) + [(0, most - found.shape[-1])], constant_values=np.nan)
@@ -77,6 +71,12 @@ def score(estimates: Arrays, truth: Arrays) -> dict[str, NDArray[np.float64]]:
 
     A sample is an epoch, a beacon and a candidate; ``error_distance_m`` has the sign, measured less true.
     """
+    if "truth.distance_m" not in truth:
+        raise InputError(
+            "truth of a recording",
+            "it holds no distance_m, with which ranging is compared",
+            "Let the adapter give truth.distance_m, from each true place to each beacon",
+        )
     offset = np.asarray(estimates["range_m"], dtype=float) - np.asarray(truth["truth.distance_m"])[..., None]
     offset = offset.reshape(len(offset), -1)
     return {"error_m": np.abs(offset), "error_distance_m": offset}

@@ -162,3 +162,10 @@ def _check(track: Track, stacked: Stack) -> None:
                 "it is not finite",
                 "Correct the algorithm",
             )
+    smallest = np.linalg.eigvalsh(covariance_m2[asked])[..., 0]
+    if not (smallest >= -1e-9 * np.abs(covariance_m2[asked]).max(axis=(-1, -2), initial=0.0)).all():
+        raise InputError(
+            "its answer, covariance_m2",
+            f"it has a negative variance, {smallest.min():.3g} square metres",
+            "Return a positive semi-definite matrix for every epoch",
+        )

@@ -284,6 +284,8 @@ def _entries(values: Mapping[str, Any], key: str, root: Path) -> dict[str, Entry
         if "protocol" in line and "protocol" in module.OPTIONS:
             _known(line["protocol"], module.PROTOCOLS, f"{where}.protocol", f"protocol of {task}")
         built = {k: _with_tasks(v, files, f"{where}.{k}", root) for k, v in line.items() if k not in OPTIONS}
+        if "ranging" in module.OPTIONS and "ranging" in built:
+            _check_ranging(built["ranging"], f"{where}.ranging")
         over = line.get("over")
         entry = Entry(
             name=name,
@@ -308,6 +310,13 @@ def _check_fixes(rows: Mapping[str, Entry], entries: Mapping[str, Entry], key: s
     for name, row in rows.items():
         if "fixes" in row.options:
             _known(row.options["fixes"], possible, f"{key}.{name}.fixes", "trilateration row of this study")
+            twice = sorted({"ranging", "trilateration"} & row.parameters.keys())
+            if twice:
+                raise InputError(
+                    f"{key}.{name}.{twice[0]}",
+                    f"the row takes its fixes from {row.options['fixes']}, so that this would have no effect",
+                    "Give one of the two",
+                )
             worlds = possible[row.options["fixes"]].worlds
             if worlds is not None and (row.worlds is None or row.worlds > worlds):
                 raise InputError(
@@ -315,6 +324,14 @@ def _check_fixes(rows: Mapping[str, Entry], entries: Mapping[str, Entry], key: s
                     f"{row.options['fixes']} runs on {worlds} worlds only",
                     "Give this row no more worlds",
                 )
+
+
+def _check_ranging(value: Any, key: str) -> None:
+    """Check what a trilateration row takes its distances from."""
+    if not isinstance(value, Mapping) or value.get("task") != "ranging":
+        raise InputError(
+            key, f"{value!r} is no ranging algorithm", "Write {use: <a file of algorithms/ranging/>}"
+        )
 
 
 def _tasks_of_the_study(values: Mapping[str, Any], files: Mapping[str, list[str]]) -> set[str]:

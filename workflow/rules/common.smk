@@ -96,6 +96,14 @@ def of_all_rows(pattern):
     ]
 
 
+def first_of_table_rows(pattern):
+    """A file of the first batch of every row of a study's table, for figures of single worlds."""
+    return lambda w: [
+        pattern.format(study=w.study, row=row, batch=study_of(w).batches(row)[0])
+        for row in study_of(w).entries
+    ]
+
+
 def batches_of_rows():
     """Which batches each row of each study has now: older builds may have left others behind."""
     return {

@@ -59,6 +59,9 @@ rule figures:
     input:
         measures=f"{RESULTS}/measures/{{study}}.parquet",
         errors=of_all_rows(f"{RESULTS}/errors/{{study}}/{{row}}/{{batch}}.parquet"),
+        estimates=first_of_table_rows(
+            f"{RESULTS}/estimates/{{study}}/{{row}}/{{batch}}.npz"
+        ),
         worlds=lambda w: [
             f"{DATA}/{study_of(w).kind}/{w.study}/{study_of(w).batches()[0]}/{side}.npz"
             for side in ("observed", "truth")

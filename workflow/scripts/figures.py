@@ -23,6 +23,7 @@ def main(
     worlds: Mapping[str, str],
     paper: str,
     output: str,
+    estimates: Sequence[str] = (),
 ) -> None:
     """Write the folder ``output`` as a whole; ``worlds`` names the observed and the true side."""
     results = StudyResults(
@@ -34,6 +35,7 @@ def main(
         observed=read_tree(worlds["observed"]),
         truth=read_tree(worlds["truth"]),
         paper=read_yaml(paper),
+        estimate_files=tuple(estimates),
     )
     target = Path(output)
     temporary = target.with_name(f".tmp-{os.getpid()}-{target.name}")
@@ -58,4 +60,5 @@ if __name__ == "__main__":
             {"observed": observed, "truth": truth},
             snakemake.input.paper,
             snakemake.output[0],
+            snakemake.input.estimates,
         )
