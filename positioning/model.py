@@ -264,8 +264,8 @@ class Recording(_Part):
     start_position_m
         Place at the first epoch, [..., 2], metres, where somebody noted it. For dead reckoning alone.
     motion_time_s
-        Times of the readings of gyroscope and odometer, [..., m], seconds, on the clock of ``time_s``;
-        NaN after the end.
+        Times of the readings of gyroscope and odometer, [..., m], seconds, on the clock of ``time_s``: the
+        middle of the interval that a reading stands for; NaN after the end.
     gyro_rad_per_s
         Turn rate about the vertical, [..., m], radians a second, positive to the left.
     odometer_m_per_s

@@ -177,7 +177,7 @@ def test_equal_surveys_are_fitted_once_and_the_algorithm_is_not_changed() -> Non
     assert Counting.fits == 5
 
 
-def test_the_truth_shifted_shifts_the_fixes() -> None:
+def test_a_survey_that_is_shifted_shifts_the_fixes() -> None:
     expected = fingerprint_fixes(ALGORITHM, SURVEY, RECORDING)
     moved = fingerprint_fixes(ALGORITHM, replace(SURVEY, position_m=SURVEY.position_m + 64.0), RECORDING)
     np.testing.assert_allclose(moved, expected + 64.0, atol=1e-9)

@@ -104,6 +104,9 @@ def test_one_world_of_the_agreed_arrays(adapter, folder, options):
         shapes["recording.rss_dbm"] = (1, epochs, beacons)
     else:
         shapes["recording.range_m"] = (1, epochs, beacons)
+    if adapter is not robot_range_odometry:
+        (_, places, _) = observed["survey.position_m"].shape
+        shapes |= {"survey.position_m": (1, places, 2), "survey.rss_dbm": (1, places, beacons)}
     if adapter is not ble_flat_robot:
         (_, readings) = observed["recording.motion_time_s"].shape
         shapes |= {f"recording.{name}": (1, epochs) for name in MOTION}

@@ -188,8 +188,7 @@ def test_later_epochs_leave_no_trace(name: str, epoch: int) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_no_truth_enters(name: str) -> None:
-    # Through the door of every job: the truth moves, and with it the start that dead reckoning alone may use.
+def test_the_start_that_dead_reckoning_alone_may_use_enters_no_filter(name: str) -> None:
     observed = RECORDING.to_arrays() | SURVEY.to_arrays() | SITE.to_arrays()
     moved = observed | {"recording.start_position_m": TRUTH.position_m[:, 0] + 50.0}
     found = [
@@ -198,11 +197,6 @@ def test_no_truth_enters(name: str) -> None:
     ]
     for key, values in found[0].items():
         np.testing.assert_array_equal(values, found[1][key])
-    scores = [
-        tracking.score(found[0], {"truth.position_m": TRUTH.position_m + shift})["error_m"]
-        for shift in (0, 50)
-    ]
-    assert np.nanmin(scores[1] - scores[0]) > 1
 
 
 # Each filter and the one before it

@@ -11,7 +11,7 @@ import pandas as pd
 
 from positioning.errors import InputError
 from positioning.geometry import pairwise_distance_m
-from positioning.model import Array, Calibration, Recording, Site, Truth, Worlds
+from positioning.model import Array, Calibration, Recording, Site, Survey, Truth, Worlds
 from positioning.recordings.register import find_file
 from positioning.recordings.robot_range_odometry import motion_between
 
@@ -26,8 +26,14 @@ MOTION_COLUMNS = ("temp_sec", "temp_nsec", "robot_odom_x", "robot_pos_x", "robot
 """Time, distance travelled by the wheels, tracked place, turn rate."""
 
 
+CELL_M = 0.1
+"""Side of the cells to which the other run is thinned for its survey."""
+
+
 def load(folder: str | Path, *, name: str = "exp2", calibration: str = "exp3") -> Worlds:
-    """Load one run to locate, and another one to calibrate with.
+    """Load one run to locate, and another one to calibrate with, and to take as survey.
+
+    The survey has one fingerprint for each cell of 0.1 m that the other run met, means over its rows there.
 
     Every row is an epoch. A node is heard where its status is 1; else its strength stands as 0 and becomes
     NaN. The last row of ``exp3`` is cut off in the middle: what is missing there was not heard either. Node 4
@@ -53,7 +59,8 @@ def load(folder: str | Path, *, name: str = "exp2", calibration: str = "exp3") -
     Worlds
         One world: ``site.corner_m`` [1, 2, 2], the box around the nodes, which the tracked path leaves by up
         to 0.26 m, ``site.access_point_m`` [1, 4, 2], ``calibration.distance_m`` and ``calibration.rss_dbm``
-        [1, p], all readings of the other run, ``recording.time_s`` and ``recording.motion_time_s`` [1, n],
+        [1, p], all readings of the other run, ``survey.rss_dbm`` [1, q, 4] and ``survey.position_m``
+        [1, q, 2], ``recording.time_s`` and ``recording.motion_time_s`` [1, n],
         the same, from the first row, ``recording.rss_dbm`` [1, n, 4], ``recording.turn_before_rad``,
         ``advance_m``, ``turn_after_rad``, ``gyro_rad_per_s`` and ``odometer_m_per_s`` [1, n],
         ``recording.start_heading_rad`` [1], NaN, ``recording.start_position_m`` [1, 2], and as truth
@@ -95,6 +102,9 @@ def load(folder: str | Path, *, name: str = "exp2", calibration: str = "exp3") -
         corner_m=np.stack([node_m.min(axis=0), node_m.max(axis=0)])[None], access_point_m=node_m[None]
     )
     pairs = Calibration(distance_m=other_distance_m[heard][None], rss_dbm=other_dbm[heard][None])
+    place = pd.DataFrame(np.hstack([_place_m(other), other_dbm]))
+    fingerprint = place.groupby([np.floor(place[axis] / CELL_M) for axis in (0, 1)]).mean().to_numpy()
+    survey = Survey(rss_dbm=fingerprint[None, :, 2:], position_m=fingerprint[None, :, :2])
     recording = Recording(
         time_s=time_s[None],
         rss_dbm=rss_dbm[None],
@@ -109,7 +119,13 @@ def load(folder: str | Path, *, name: str = "exp2", calibration: str = "exp3") -
     )
     truth = Truth(position_m=position_m[None], distance_m=pairwise_distance_m(position_m, node_m)[None])
     return Worlds(
-        observed={**site.to_arrays(), **pairs.to_arrays(), **recording.to_arrays()}, truth=truth.to_arrays()
+        observed={
+            **site.to_arrays(),
+            **survey.to_arrays(),
+            **pairs.to_arrays(),
+            **recording.to_arrays(),
+        },
+        truth=truth.to_arrays(),
     )
 
 

@@ -94,7 +94,8 @@ def simulate(settings: Mapping[str, Any], rngs: Sequence[np.random.Generator]) -
         ``first_rest_s`` and ``stop_s`` [least, most], ``duration_most_s``, ``motion_rate_hz``,
         ``encoder_step_m``, ``turn_on_bias_deg_per_s``, ``in_run_bias_deg_per_s``, ``in_run_correlation_s``,
         ``angle_random_walk_deg_per_sqrt_h``, ``gyro_step_deg_per_s``, ``latitude_deg``,
-        ``residual_bias_deg_per_s``, ``points``, ``map_offset_m``, ``map_scans``, ``access_points``,
+        ``start_heading_deg``, ``residual_bias_deg_per_s``, ``points``, ``map_offset_m``, ``map_scans``,
+        ``access_points``,
         ``radios``, ``near_radios``, ``reference_dbm`` (at 1 m), ``path_loss_exponent``, ``wall_loss_db``,
         ``far_distance_m`` [least, most], ``far_height_m``, ``far_level_dbm`` [least, most],
         ``virtual_power_db``, ``shadowing_db``, ``shadowing_correlation_m``, ``grid_m``, ``fading_db``,
@@ -145,7 +146,8 @@ def simulate(settings: Mapping[str, Any], rngs: Sequence[np.random.Generator]) -
     recording = Recording(
         time_s=stacked["time_s"],
         rss_dbm=stacked["rss_dbm"],
-        start_heading_rad=stacked["heading_rad"][:, 0],
+        start_heading_rad=stacked["heading_rad"][:, 0]
+        + np.deg2rad(values["start_heading_deg"]) * np.array([draws["heading"] for draws in drawn]),
         start_position_m=stacked["path_m"][:, 0],
         **motion,
     )
@@ -256,7 +258,8 @@ def _motion(
     )
     going = time_s <= plan.end_s[:, None]
     return {
-        "motion_time_s": np.where(going, time_s, np.nan),
+        # A reading is the mean over the interval that ends with it; its time is the middle.
+        "motion_time_s": np.where(going, time_s - 0.5 / rate_hz, np.nan),
         "gyro_rad_per_s": np.where(
             going, read_gyro(ideal, draws, values["gyro"], sample_rate_hz=rate_hz), np.nan
         ),
@@ -391,6 +394,7 @@ def _draw(values: Mapping[str, Any], nodes: int, rng: np.random.Generator) -> di
         "rest": rng.random(legs + 1),
         "sign": 2.0 * rng.integers(2) - 1.0,
         "phase": rng.random(),
+        "heading": rng.standard_normal(),
         "gyro": draw_gyro(rng, values["samples"]),
         "near": rng.random((near, 2)),
         "far": rng.random((radios - near, 2)),
@@ -443,6 +447,7 @@ def _read(settings: Mapping[str, Any]) -> dict[str, Any]:
         "gone_share": number(settings, "gone_share", least=0, most=1),
         "moved_share": number(settings, "moved_share", least=0, most=1),
         "latitude_deg": number(settings, "latitude_deg", least=-90, most=90),
+        "start_heading_deg": number(settings, "start_heading_deg", least=0),
     }
     positive = [
         *("corner_radius_m", "track_length_m", "odometer_length_m", "acceleration_m_per_s2"),

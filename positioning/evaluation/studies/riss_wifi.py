@@ -33,9 +33,11 @@ def measures(estimates: Mapping[str, Tree], worlds: Mapping[str, Tree]) -> pd.Da
     -------
     DataFrame
         ``within_1m``: share of way-points with an error of at most 1 m. ``worst_rms_m``: root mean square
-        error of the others, absent where there are none. ``final_m``: error at the last way-point.
-        ``path_mean_m``: mean error at all epochs. ``jump_m``: root mean square of how far a step of the
-        track differs from the true one. ``weight_evaluations``: weights computed at all epochs.
+        error of the others, absent where there are none. ``first_quarter_m``, ``first_half_m`` and
+        ``second_half_m``: mean error at the epochs of these parts of the drive. ``final_m``: error at
+        the last way-point. ``path_mean_m``: mean error at all epochs. ``jump_m``: root mean square of how
+        far a step of the track differs from the true one. ``weight_evaluations``: weights
+        computed at all epochs.
     """
     truths = {Path(p).parent.name: tree for p, tree in worlds.items() if Path(p).stem == "truth"}
     lines = []
@@ -76,7 +78,12 @@ def _of_row(
     last = asked.shape[1] - 1 - np.argmax(asked[:, ::-1], axis=1)
     yield "final_m", np.take_along_axis(error_m, last[:, None], axis=1)[:, 0]
     everywhere_m = np.linalg.norm(position_m - path_m, axis=-1)
-    yield "path_mean_m", _mean(everywhere_m, ~np.isnan(everywhere_m))
+    known = ~np.isnan(everywhere_m)
+    yield "path_mean_m", _mean(everywhere_m, known)
+    part = np.arange(known.shape[1]) / np.maximum(known.sum(axis=1, keepdims=True), 1)
+    for name, chosen in (("first_quarter", part < 0.25), ("first_half", part < 0.5)):
+        yield f"{name}_m", _mean(everywhere_m, known & chosen)
+    yield "second_half_m", _mean(everywhere_m, known & (part >= 0.5))
     jump_m = np.linalg.norm(np.diff(position_m - path_m, axis=1), axis=-1)
     yield "jump_m", np.sqrt(_mean(np.square(jump_m), ~np.isnan(jump_m)))
     if "estimate.extra_weight_evaluations" in step:
