@@ -259,6 +259,7 @@ def test_every_protocol_and_adapter_is_explained() -> None:
     modules = {path.stem for path in (ROOT / "positioning/recordings").glob("*.py")} - {
         "__init__",
         "register",
+        "csv_table",
     }
     assert {line[0].strip("`") for line in adapters[1:]} == modules
     for line in adapters[1:]:
@@ -409,6 +410,25 @@ def test_the_guide_names_the_template_and_lines_that_exist() -> None:
     for name in re.findall(r"sklearn[\w.]*", commands):
         module, _, cls = name.rpartition(".")
         assert hasattr(importlib.import_module(module), cls)
+
+
+def test_the_example_from_python_follows_the_walk_that_it_tells(capsys: pytest.CaptureFixture[str]) -> None:
+    guide = read("docs/add-an-algorithm.md")
+    (example,) = fenced(guide.partition("\n## From Python\n")[2].partition("\n## ")[0], "python")
+    names: dict[str, Any] = {}
+    exec(compile(example, "docs/add-an-algorithm.md", "exec"), names)
+    recording, calibration, beacon_m = (names[name] for name in ("recording", "calibration", "beacon_m"))
+    # Its strengths are those of the law of its calibration along its commands, in whole dBm.
+    heading_rad = np.cumsum(recording.turn_before_rad + recording.turn_after_rad) - recording.turn_after_rad
+    step_m = recording.advance_m[:, None] * np.stack([np.cos(heading_rad), np.sin(heading_rad)], axis=-1)
+    walk_m = np.array([2.0, 2.0]) + np.cumsum(step_m, axis=0)
+    reference_dbm = calibration.rss_dbm[calibration.distance_m == 1.0]
+    distance_m = np.linalg.norm(walk_m[:, None] - beacon_m, axis=-1)
+    np.testing.assert_allclose(recording.rss_dbm, reference_dbm - 20 * np.log10(distance_m), atol=0.5)
+    assert np.linalg.norm(names["track"].position_m - walk_m, axis=-1)[1:].max() < 0.75
+    printed = [[float(cell) for cell in line.split()] for line in capsys.readouterr().out.splitlines()]
+    assert [line[0] for line in printed] == recording.time_s.tolist()
+    np.testing.assert_allclose([line[1:] for line in printed], names["track"].position_m, atol=0.0051)
 
 
 # Papers of the project itself

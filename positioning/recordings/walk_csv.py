@@ -16,6 +16,7 @@ from positioning.recordings.csv_table import (
     POSITION,
     POSITION_COLUMNS,
     RSS,
+    RSS_ENDING,
     Quantity,
     Table,
     not_finite,
@@ -102,6 +103,12 @@ def load(
     beacon_m = read_places(
         folder, beacons, walk, rss_columns, "Add its row, or remove its column from the walk"
     )
+    places: dict[tuple[float, ...], str] = {}
+    for name, place_m in zip(rss_columns, map(tuple, beacon_m.tolist()), strict=True):
+        other = places.setdefault(place_m, name)
+        if other != name:
+            pair = " and ".join(column.removesuffix(RSS_ENDING) for column in (other, name))
+            raise InputError(f"{beacons}, {pair}", "both stand at the same place", "Leave one of them out")
     try:
         check_beacons(beacon_m)
     except InputError as error:
