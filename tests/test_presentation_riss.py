@@ -375,7 +375,7 @@ def test_rows_of_the_study_have_strokes_and_variants_share_a_marker():
     for variants in (
         ("wifi_full", "wifi_full_scaled"),
         ("wifi_fos", "wifi_pca", "wifi_strongest", "wifi_random"),
-        ("mixture", "fast_mixture", "adaptive_fast_mixture", "adaptive_fast_mixture_full"),
+        ("mixture", "fast_mixture", "adaptive_fast_mixture", "adaptive_mixture_full"),
         ("plain", "plain_wide"),
         ("kalman_3", "kalman_5", "kalman_5_full"),
     ):

@@ -66,7 +66,7 @@ KNOWN: dict[str, Stroke] = {
     "wifi_strongest": Stroke("#5a6b00", "-.", "o"),
     "wifi_random": Stroke("#6f6f6f", ":", "o"),
     "adaptive_fast_mixture": Stroke("#00704f", "-", "D"),
-    "adaptive_fast_mixture_full": Stroke("#3aa57f", "--", "D"),
+    "adaptive_mixture_full": Stroke("#3aa57f", "--", "D"),
     "fast_mixture": Stroke("#a05a8a", "-.", "D"),
     "mixture": Stroke("#003f7f", ":", "D"),
     "plain": Stroke("#cc7400", "-", "^"),

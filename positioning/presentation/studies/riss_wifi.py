@@ -161,7 +161,8 @@ def _scan_rate(study: Study) -> Drawn | None:
         SCANS,
         "every how many-th scan is used",
         "How often WiFi is used",
-        "The paper does not print how often it scans; here once a second.",
+        "The paper does not print how often it scans; here once a second. The adaptive mixture filter without"
+        " clusters: each sample has its own weight.",
     )
 
 
