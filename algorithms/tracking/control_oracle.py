@@ -38,7 +38,7 @@ class ControlOracle:
         Number of particles.
     """
 
-    def __init__(self, *, truth: Truth | None = None, particles: int = 2000) -> None:
+    def __init__(self, *, truth: Truth | None = None, particles: int = 1000) -> None:
         self.truth = truth
         self.particles = particles
 
