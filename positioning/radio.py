@@ -136,3 +136,33 @@ def receive(
     normal = fading.standard_normal(field.shape) if isinstance(fading, np.random.Generator) else fading
     reading = np.rint(field + noise * np.asarray(normal, dtype=np.float64))
     return np.where(reading < np.asarray(floor_dbm), np.nan, reading)
+
+
+def interpolate(grid_dbm: Array, position_m: Array, grid_m: float) -> Array:
+    """Interpolate fields bilinearly between the nodes of a grid whose first node is the origin.
+
+    Parameters
+    ----------
+    grid_dbm
+        Values at the nodes, [world, x, y, beacon].
+    position_m
+        Places within the grid, [world, run, epoch, 2], metres; NaN for none.
+    grid_m
+        Distance between nodes.
+
+    Returns
+    -------
+    Array
+        [world, run, epoch, beacon]; NaN where there is no place.
+    """
+    node = position_m / grid_m
+    last = np.array(grid_dbm.shape[1:3]) - 2
+    # A place on the far edge belongs to the last cell.
+    cell = np.clip(np.floor(np.nan_to_num(node)), 0, last).astype(np.int64)
+    share = (node - cell)[..., None]
+    (x, y), (right, up) = np.moveaxis(cell, -1, 0), np.moveaxis(share, -2, 0)
+    world = np.arange(len(grid_dbm))[:, None, None]
+    lower = (1 - right) * grid_dbm[world, x, y] + right * grid_dbm[world, x + 1, y]
+    upper = (1 - right) * grid_dbm[world, x, y + 1] + right * grid_dbm[world, x + 1, y + 1]
+    between: Array = (1 - up) * lower + up * upper
+    return between

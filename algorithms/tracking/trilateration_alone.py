@@ -110,13 +110,15 @@ class TrilaterationAlone:
         misfit_m2 = (
             np.where(np.isnan(found.residual_m), np.inf, found.residual_m) ** 2 + _LEAST_DEVIATION_M**2
         )
-        # Running sums add one after the other, so that what fills up leaves no trace.
+        # Fixes are added one after the other, so that what fills up leaves no trace.
         weight = 1.0 / misfit_m2
         total = np.cumsum(weight, axis=-1)[..., -1]
         fitted = total > 0
         weight /= np.where(fitted, total, 1.0)[..., None]
-        square_m2 = offset_m[..., :, None] * offset_m[..., None, :]
-        covariance_m2 = np.cumsum(weight[..., None, None] * square_m2, axis=2)[:, :, -1]
+        covariance_m2 = np.zeros((*total.shape, 2, 2))
+        for slot in range(weight.shape[2]):
+            own_m = offset_m[:, :, slot]
+            covariance_m2 += weight[:, :, slot, None, None] * (own_m[..., :, None] * own_m[..., None, :])
         least_m2 = np.where(fitted, np.min(misfit_m2, axis=-1), 0.0)
         covariance_m2 += least_m2[..., None, None] * np.eye(2)
 

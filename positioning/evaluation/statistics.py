@@ -67,3 +67,13 @@ def paired_difference(first: NDArray[np.float64], second: NDArray[np.float64]) -
     interval = mean_interval(delta)
     share = np.mean(delta < 0) + 0.5 * np.mean(delta == 0)
     return Paired(float(np.mean(delta)), interval.low, interval.high, float(share), len(delta))
+
+
+def mean_where(
+    values: NDArray[np.generic], chosen: NDArray[np.bool_], axis: int | tuple[int, ...] = 1
+) -> NDArray[np.float64]:
+    """Return the mean over the chosen entries along an axis, NaN where none is; others may be NaN."""
+    count = chosen.sum(axis=axis)
+    total = np.where(chosen, values, 0).sum(axis=axis, dtype=float)
+    mean: NDArray[np.float64] = np.divide(total, count, out=np.full(count.shape, np.nan), where=count > 0)
+    return mean

@@ -234,6 +234,7 @@ def _plaza(folder: str | Path) -> _Run:
         index = np.array([place.get(number, -1) for number in measured[:, 2]])
         if (index < 0).any():
             raise ValueError("TD has a beacon that TL has not")
+    # NotImplementedError is SciPy's own for a file of MATLAB's version 7.3.
     except (ValueError, TypeError, LookupError, NotImplementedError) as error:
         raise _unreadable(PLAZA, f"the arrays {', '.join(PLAZA_COLUMNS)}", error) from error
     time_s = pose[:, 0] - pose[0, 0]

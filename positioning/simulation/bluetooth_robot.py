@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from positioning.errors import InputError
 from positioning.geometry import pairwise_distance_m, wall_crossings
 from positioning.model import Array, Calibration, Recording, Site, Worlds
+from positioning.radio import interpolate
 from positioning.simulation.robot import DriveDraws, draw_drive, meets_rectangle, random_drive
-from positioning.simulation.settings import number, numbers, span, whole
+from positioning.simulation.settings import number, numbers, rows, span, whole
 
 NEAREST_M = 0.1
 """Nearer than this, about a wavelength at 2.4 GHz, the radio law stays at its level."""
@@ -188,38 +189,6 @@ def law_dbm(values: Mapping[str, Any], distance_m: ArrayLike, phase_rad: ArrayLi
     return level
 
 
-def interpolate(grid_dbm: Array, position_m: Array, grid_m: float) -> Array:
-    """Interpolate fields bilinearly between the nodes of a grid whose first node is the origin.
-
-    See Raghavan et al., section V, for the arena that the grid covers.
-
-    Parameters
-    ----------
-    grid_dbm
-        Values at the nodes, [world, x, y, beacon].
-    position_m
-        Places within the grid, [world, run, epoch, 2], metres; NaN for none.
-    grid_m
-        Distance between nodes.
-
-    Returns
-    -------
-    Array
-        [world, run, epoch, beacon]; NaN where there is no place.
-    """
-    node = position_m / grid_m
-    last = np.array(grid_dbm.shape[1:3]) - 2
-    # A place on the far edge belongs to the last cell.
-    cell = np.clip(np.floor(np.nan_to_num(node)), 0, last).astype(np.int64)
-    share = (node - cell)[..., None]
-    (x, y), (right, up) = np.moveaxis(cell, -1, 0), np.moveaxis(share, -2, 0)
-    world = np.arange(len(grid_dbm))[:, None, None]
-    lower = (1 - right) * grid_dbm[world, x, y] + right * grid_dbm[world, x + 1, y]
-    upper = (1 - right) * grid_dbm[world, x, y + 1] + right * grid_dbm[world, x + 1, y + 1]
-    between: Array = (1 - up) * lower + up * upper
-    return between
-
-
 def _offset_dbm(values: Mapping[str, Any], normal: Array) -> Array:
     """Return what places and beacons add to the law, [world, x, y, beacon], at the nodes of the grid."""
     nodes = values["nodes"]
@@ -358,25 +327,6 @@ def _read(settings: Mapping[str, Any]) -> dict[str, Any]:
         "Give calibration_nearest_m plus a multiple of calibration_step_m",
     )
     return {**values, "nodes": tuple(nodes.tolist()), "stop_m": first + np.arange(steps + 1) * step}
-
-
-def rows(settings: Mapping[str, Any], name: str, columns: int, *, least: int) -> Array:
-    """Return one setting that must be a list of at least ``least`` rows of numbers, [row, column].
-
-    See Raghavan et al., Fig. 4, for the beacons that are given so. Raises InputError, naming the setting,
-    if it is missing or senseless.
-    """
-    # Asked for as numbers, a setting that is missing is named like any other.
-    found = settings[name] if name in settings else numbers(settings, name, columns)
-    if isinstance(found, str) or not isinstance(found, Sequence) or len(found) < least:
-        raise InputError(
-            f"setting {name}",
-            f"{found!r} is not a list of at least {least} rows",
-            f"Give rows of {columns} numbers",
-        )
-    labelled = {f"{name}[{row}]": value for row, value in enumerate(found)}
-    table = [numbers(labelled, label, columns) for label in labelled]
-    return np.asarray(table, dtype=np.float64).reshape(-1, columns)
 
 
 def _require(fits: bool, name: str, limit: str, cure: str) -> None:

@@ -10,8 +10,7 @@ import numpy as np
 
 from positioning.errors import InputError
 from positioning.model import Recording, Site, Truth, Worlds
-from positioning.simulation.bluetooth_robot import rows
-from positioning.simulation.settings import numbers
+from positioning.simulation.settings import numbers, rows
 
 
 def simulate(settings: Mapping[str, Any], rngs: Sequence[np.random.Generator]) -> Worlds:

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from positioning.errors import InputError
 from positioning.geometry import pairwise_distance_m, wall_crossings
 from positioning.model import Array, Recording, Site, Survey, Truth, Worlds
-from positioning.radio import path_loss_dbm, receive
-from positioning.simulation.bluetooth_robot import interpolate, rows
+from positioning.radio import interpolate, path_loss_dbm, receive
 from positioning.simulation.imu import (
     Gyro,
     GyroDraws,
@@ -23,7 +22,7 @@ from positioning.simulation.imu import (
     read_gyro,
     vertical_earth_rate,
 )
-from positioning.simulation.settings import number, numbers, span, whole
+from positioning.simulation.settings import number, numbers, rows, span, whole
 from positioning.simulation.wheeled import Course, Schedule, rounded_course, schedule
 
 MERGE_S = 0.001

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from positioning.errors import InputError
 
@@ -71,6 +72,24 @@ def span(settings: Mapping[str, Any], name: str, *, least: float = -math.inf) ->
     if low > high:
         raise InputError(f"setting {name}", f"{low} is above {high}", "Give the lower end first")
     return low, high
+
+
+def rows(settings: Mapping[str, Any], name: str, columns: int, *, least: int) -> NDArray[np.float64]:
+    """Return one setting that must be a list of rows of numbers, at least ``least``, [row, column].
+
+    Raises InputError, naming the setting, if it is missing or senseless.
+    """
+    # Asked for as numbers, a setting that is missing is named like any other.
+    found = settings[name] if name in settings else numbers(settings, name, columns)
+    if isinstance(found, str) or not isinstance(found, Sequence) or len(found) < least:
+        raise InputError(
+            f"setting {name}",
+            f"{found!r} is not a list of at least {least} rows",
+            f"Give rows of {columns} numbers",
+        )
+    labelled = {f"{name}[{row}]": value for row, value in enumerate(found)}
+    table = [numbers(labelled, label, columns) for label in labelled]
+    return np.asarray(table, dtype=np.float64).reshape(-1, columns)
 
 
 def calibrated_settings(steps: Sequence[Mapping[str, Any]], family: str) -> dict[str, float]:

@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from positioning.evaluation.measures import MEASURES
+from positioning.evaluation.statistics import mean_where
 from positioning.files import Tree
 
 Values = NDArray[np.float64]
@@ -126,25 +127,25 @@ def _ranging(
     true_m = np.asarray(truth["truth.distance_m"], dtype=float).reshape(range_m.shape[:-1])
     error_m = np.abs(range_m - true_m[..., None])
     given = ~np.isnan(error_m)
-    trials_m = _mean(error_m, given, axis=(2, 3, 4))
+    trials_m = mean_where(error_m, given, axis=(2, 3, 4))
     nearest_m = np.where(given, error_m, np.inf).min(axis=-1)
     for name, chosen in (("near_m", true_m < NEAR_M), ("far_m", true_m >= FAR_M)):
-        yield name, _mean(error_m, given & chosen[..., None], axis=(1, 2, 3, 4))
+        yield name, mean_where(error_m, given & chosen[..., None], axis=(1, 2, 3, 4))
     candidates = np.count_nonzero(~np.isnan(range_m), axis=-1)
     heard = ~np.isnan(true_m)
     yield from _by_run("trial_{}_m", trials_m)
     ranged = ~np.isnan(trials_m)
-    mean_m = _mean(trials_m, ranged)
+    mean_m = mean_where(trials_m, ranged)
     yield "trials_mean_m", mean_m
-    yield "trials_sd_m", np.sqrt(_mean(np.square(trials_m - mean_m[:, None]), ranged))
-    yield "nearest_m", _mean(nearest_m, np.isfinite(nearest_m), axis=(1, 2, 3))
+    yield "trials_sd_m", np.sqrt(mean_where(np.square(trials_m - mean_m[:, None]), ranged))
+    yield "nearest_m", mean_where(nearest_m, np.isfinite(nearest_m), axis=(1, 2, 3))
     yield "candidates", candidates.sum(axis=(1, 2, 3)) / heard.sum(axis=(1, 2, 3))
     epochs = heard.any(axis=-1)
     combinations = np.where(epochs, candidates.prod(axis=-1), 0)
     trilaterations = combinations.sum(axis=2) / epochs.sum(axis=2)
     if off_curve is not None:
-        yield "k_outlier", _mean(combinations, epochs & off_curve, axis=(1, 2))
-        yield "k_usual", _mean(combinations, epochs & ~off_curve, axis=(1, 2))
+        yield "k_outlier", mean_where(combinations, epochs & off_curve, axis=(1, 2))
+        yield "k_usual", mean_where(combinations, epochs & ~off_curve, axis=(1, 2))
     yield from _by_run("k_{}", trilaterations)
     yield "k_mean", trilaterations.mean(axis=1)
 
@@ -154,16 +155,19 @@ def _trilateration(step: Mapping[str, NDArray[np.generic]], true_m: Values) -> M
     sample = np.asarray(step["estimate.output_sample"], dtype=np.int64)
     given, worlds = sample >= 0, np.arange(len(sample))[:, None]
     error_m = np.linalg.norm(output_m - true_m.reshape(len(true_m), -1, 2)[worlds, sample], axis=-1)
-    yield "outputs_m", _mean(error_m, given & ~np.isnan(error_m))
+    yield "outputs_m", mean_where(error_m, given & ~np.isnan(error_m))
     iterations = np.asarray(step["estimate.output_iterations"], dtype=np.int64)
     if not iterations.any():
         return
     converged, nearest_m = iterations > 0, np.asarray(step["estimate.output_nearest_m"], dtype=float)
-    yield "solver_iterations", _mean(iterations, given & converged)
-    yield "converged", _mean(converged, given)
+    yield "solver_iterations", mean_where(iterations, given & converged)
+    yield "converged", mean_where(converged, given)
     ends_m = (*NEAREST_M[1:], np.inf)
     for number, (low_m, high_m) in enumerate(zip(NEAREST_M, ends_m, strict=True)):
-        yield f"converged_{number}", _mean(converged, given & (nearest_m >= low_m) & (nearest_m < high_m))
+        yield (
+            f"converged_{number}",
+            mean_where(converged, given & (nearest_m >= low_m) & (nearest_m < high_m)),
+        )
 
 
 def _tracking(
@@ -176,7 +180,7 @@ def _tracking(
     yield "final_mean_m", final_m.mean(axis=1)
     yield "final_sd_m", final_m.std(axis=1)
     if outlier is not None:
-        yield "outlier_m", _mean(error_m.reshape(len(error_m), -1), outlier)
+        yield "outlier_m", mean_where(error_m.reshape(len(error_m), -1), outlier)
 
 
 def _outliers(own: Mapping[str, Tree], family: str, true_m: Values) -> NDArray[np.bool_] | None:
@@ -229,11 +233,3 @@ def _errors(step: Mapping[str, NDArray[np.generic]], true_m: Values) -> Values:
 def _by_run(name: str, values: Values) -> Measured:
     for run in range(values.shape[1]):
         yield name.format(run + 1), values[:, run]
-
-
-def _mean(values: NDArray[np.generic], chosen: NDArray[np.bool_], axis: int | tuple[int, ...] = 1) -> Values:
-    """Mean over the chosen entries along an axis, NaN where none is."""
-    count = chosen.sum(axis=axis)
-    total = np.where(chosen, values, 0).sum(axis=axis, dtype=float)
-    mean: Values = np.divide(total, count, out=np.full(count.shape, np.nan), where=count > 0)
-    return mean

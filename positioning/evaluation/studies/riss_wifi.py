@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from positioning.evaluation.measures import MEASURES
+from positioning.evaluation.statistics import mean_where
 from positioning.files import Tree
 
 Values = NDArray[np.float64]
@@ -74,26 +75,18 @@ def _of_row(
     asked = ~np.isnan(error_m)
     near = asked & (error_m <= ACCURACY_M)
     yield "within_1m", near.sum(axis=1) / asked.sum(axis=1)
-    yield "worst_rms_m", np.sqrt(_mean(np.square(error_m), asked & ~near))
+    yield "worst_rms_m", np.sqrt(mean_where(np.square(error_m), asked & ~near))
     last = asked.shape[1] - 1 - np.argmax(asked[:, ::-1], axis=1)
     yield "final_m", np.take_along_axis(error_m, last[:, None], axis=1)[:, 0]
     everywhere_m = np.linalg.norm(position_m - path_m, axis=-1)
     known = ~np.isnan(everywhere_m)
-    yield "path_mean_m", _mean(everywhere_m, known)
+    yield "path_mean_m", mean_where(everywhere_m, known)
     part = np.arange(known.shape[1]) / np.maximum(known.sum(axis=1, keepdims=True), 1)
     for name, chosen in (("first_quarter", part < 0.25), ("first_half", part < 0.5)):
-        yield f"{name}_m", _mean(everywhere_m, known & chosen)
-    yield "second_half_m", _mean(everywhere_m, known & (part >= 0.5))
+        yield f"{name}_m", mean_where(everywhere_m, known & chosen)
+    yield "second_half_m", mean_where(everywhere_m, known & (part >= 0.5))
     jump_m = np.linalg.norm(np.diff(position_m - path_m, axis=1), axis=-1)
-    yield "jump_m", np.sqrt(_mean(np.square(jump_m), ~np.isnan(jump_m)))
+    yield "jump_m", np.sqrt(mean_where(np.square(jump_m), ~np.isnan(jump_m)))
     if "estimate.extra_weight_evaluations" in step:
         evaluations = np.asarray(step["estimate.extra_weight_evaluations"], dtype=float)
         yield "weight_evaluations", np.nansum(evaluations, axis=1)
-
-
-def _mean(values: Values, chosen: NDArray[np.bool_]) -> Values:
-    """Mean over the chosen entries of each world, NaN where none is."""
-    count = chosen.sum(axis=1)
-    total = np.where(chosen, values, 0.0).sum(axis=1)
-    mean: Values = np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
-    return mean

@@ -15,8 +15,8 @@ from matplotlib.ticker import NullLocator
 from positioning.evaluation.results import StudyResults
 from positioning.evaluation.statistics import Interval, paired_difference
 from positioning.presentation import figures
+from positioning.presentation.families import Study
 from positioning.presentation.figures import Drawn
-from positioning.presentation.studies.bluetooth_robot import Study
 from positioning.presentation.studies.riss_wifi_world import FULL, INTEGRATED, RISS, SYSTEMS, draw_drive
 from positioning.presentation.style import GREY, is_control, stroke
 from positioning.presentation.tables import central, decimals

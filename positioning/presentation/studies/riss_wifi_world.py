@@ -16,8 +16,8 @@ from algorithms.access_points.fast_orthogonal_search import FastOrthogonalSearch
 from positioning.inertial.riss import REST_SPEED_M_PER_S, downsample, first_rest
 from positioning.model import Recording
 from positioning.presentation import figures
+from positioning.presentation.families import Study
 from positioning.presentation.figures import Drawn
-from positioning.presentation.studies.bluetooth_robot import Study
 from positioning.presentation.style import GREY, stroke
 from positioning.presentation.tables import decimals
 
