@@ -41,4 +41,4 @@ for name in STUDIES:
 
 
 onsuccess:
-    print(f"Done. The report: {REPORTS}/index.html")
+    print("Done." + "".join(f" The report: {page}" for page in latest_page()))

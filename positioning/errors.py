@@ -1,5 +1,8 @@
 """The one error that users of Reposition meet: it names the thing, the limit and the cure."""
 
+from numbers import Integral
+from typing import Any, Self
+
 
 class InputError(ValueError):
     """Input that cannot be used.
@@ -20,3 +23,55 @@ class InputError(ValueError):
 
     def __reduce__(self) -> tuple[type["InputError"], tuple[str, str, str]]:
         return type(self), (self.thing, self.limit, self.cure)
+
+
+class Reason(str):
+    """Why an algorithm does not run on given data: what a ``skip`` may answer in place of a plain text.
+
+    Parameters
+    ----------
+    limit
+        The reason, which tables show.
+    cure
+        What the user can do about it, for whoever calls the algorithm all the same.
+    """
+
+    cure: str
+
+    def __new__(cls, limit: str, cure: str) -> Self:
+        """Return the reason as a text that knows its cure."""
+        reason = super().__new__(cls, limit)
+        reason.cure = cure
+        return reason
+
+
+def refusal(thing: str, reason: str) -> InputError:
+    """Return the error of an algorithm that is called in spite of its reason not to run.
+
+    Parameters
+    ----------
+    thing
+        What is wrong, by the name under which the user knows it.
+    reason
+        What ``skip`` answered; the cure is that of a `Reason`.
+    """
+    return InputError(thing, str(reason), getattr(reason, "cure", "Leave these data out"))
+
+
+def check_whole(name: str, value: Any) -> None:
+    """Refuse a setting that is no whole number.
+
+    Parameters
+    ----------
+    name
+        The setting.
+    value
+        What it was set to.
+
+    Raises
+    ------
+    InputError
+        For anything else, a text or 4.0 as well.
+    """
+    if not isinstance(value, Integral) or isinstance(value, bool):
+        raise InputError(f"{name}={value!r}", "it is not a whole number", f"Give {name} as a whole number")

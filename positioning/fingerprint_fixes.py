@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.base import clone
 
-from positioning.errors import InputError
+from positioning.errors import InputError, Reason
 from positioning.model import Array, Calibration, Recording, Site, Survey
 
 LEAST_DEVIATION_M = 0.1
@@ -19,7 +19,7 @@ def cannot_fix(
 ) -> str:
     """Say why no scan can have a fix: a reason to skip these data, empty where there is none.
 
-    See Atia et al., section 3.
+    See Atia et al., section 3. Fixes of a recording train with the whole map: nothing is left out.
 
     Parameters
     ----------
@@ -29,11 +29,11 @@ def cannot_fix(
         Stacks with one leading axis.
     """
     if not isinstance(survey, Survey):
-        return "there is no survey of fingerprints"
+        return Reason("there is no survey of fingerprints", "Give fingerprints at known places")
     if recording.rss_dbm is None:
-        return "the recording holds no received strengths"
+        return Reason("the recording holds no received strengths", "Give rss_dbm")
     skip = getattr(fingerprinting, "skip", None)
-    return "" if skip is None else skip(survey.at(0), site.at(0)) or ""
+    return "" if skip is None else skip(_with_one_to_leave_out(survey.at(0)), site.at(0)) or ""
 
 
 def fingerprint_fixes(
@@ -96,6 +96,43 @@ def fingerprint_fixes(
     return fix_m
 
 
+def best_of_three(fix_m: Array) -> Array:
+    """Return, at each fix, the value that at least two of the last three fixes have, else the latest.
+
+    See Frank et al., section 2, on equation 1. The last three are those before the vote. It helps where
+    fixes are places of a map, so that two can be exactly equal; nothing else is ever replaced.
+
+    Parameters
+    ----------
+    fix_m
+        Fixes, [r, n, 2], metres; an epoch with NaN has none and takes no part.
+
+    Returns
+    -------
+    Array
+        [r, n, 2], metres; NaN where an epoch has no fix.
+
+    Raises
+    ------
+    InputError
+        For another shape.
+    """
+    fixes_m = np.asarray(fix_m, dtype=np.float64)
+    if fixes_m.ndim != 3 or fixes_m.shape[-1] != 2:
+        raise InputError("fix_m", f"its shape is {fixes_m.shape}", "Give [recording, epoch, 2]")
+    none: NDArray[np.bool_] = np.asarray(np.isnan(fixes_m).any(axis=-1))
+    # Fixes first, in their order; the epochs without one behind them.
+    order = np.argsort(none, axis=1, kind="stable")
+    voted_m = np.take_along_axis(np.where(none[..., None], np.nan, fixes_m), order[..., None], axis=1)
+    latest, former, first = voted_m[:, 2:], voted_m[:, 1:-1], voted_m[:, :-2]
+    # Any other two that agree have the value of the latest, which is the answer anyway.
+    outvoted = (former == first).all(axis=-1) & ~np.isnan(latest[..., 0])
+    chosen_m = np.where(outvoted[..., None], former, latest)
+    result_m = np.full_like(fixes_m, np.nan)
+    np.put_along_axis(result_m, order[..., None], np.concatenate([voted_m[:, :2], chosen_m], axis=1), axis=1)
+    return result_m
+
+
 def fix_covariance_m2(fingerprinting: Any, survey: Survey | Calibration | None) -> Array:
     """Return how far fixes are off, as the map itself tells.
 
@@ -144,6 +181,19 @@ def map_centre_and_variance(survey: Survey) -> tuple[Array, Array]:
     position_m = np.asarray(survey.position_m, dtype=np.float64)
     centre_m = position_m.mean(axis=1)
     return centre_m, np.stack([_mean_square(own - own.mean(axis=0)) for own in position_m])
+
+
+def _with_one_to_leave_out(survey: Survey) -> Survey:
+    """Return a map [p, ap] with a place more: who leaves out the largest place has the map itself left."""
+    position_m = np.asarray(survey.position_m, dtype=np.float64)
+    if len(position_m) == 0:
+        return survey
+    _, counts = np.unique(position_m, axis=0, return_counts=True)
+    most = int(counts.max())
+    return Survey(
+        rss_dbm=np.concatenate([survey.rss_dbm, np.repeat(survey.rss_dbm[:1], most, axis=0)]),
+        position_m=np.concatenate([position_m, np.repeat(position_m.max(axis=0)[None] + 1.0, most, axis=0)]),
+    )
 
 
 def _checked(survey: Survey | Calibration | None) -> Survey:

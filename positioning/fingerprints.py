@@ -8,7 +8,7 @@ from scipy.spatial.distance import cdist
 from sklearn.base import BaseEstimator, RegressorMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
-from positioning.errors import InputError
+from positioning.errors import InputError, Reason, check_whole
 from positioning.model import Array, Survey
 
 Mask = NDArray[np.bool_]
@@ -50,12 +50,21 @@ def too_few(survey: Survey, needed: int, name: str) -> str | None:
     needed
         The smallest number of training fingerprints that the setting can work with.
     name
-        The setting, for the reason.
+        The setting, for the reason: ``k = 4``.
+
+    Raises
+    ------
+    InputError
+        For a setting that is no whole number.
     """
+    check_whole(name.split(" ")[0], needed)
     _, counts = np.unique(survey.position_m, axis=0, return_counts=True)
     left = len(survey.position_m) - int(counts.max())
-    return (
-        None if left >= needed else f"{name} needs {needed} training fingerprints, this survey leaves {left}"
+    if left >= needed:
+        return None
+    return Reason(
+        f"{name} needs {needed} training fingerprints, this survey leaves {left}",
+        f"Choose a smaller {name.split(' ')[0]}, or survey more places",
     )
 
 
@@ -119,8 +128,9 @@ def nearest_members(distance_db: Array, count: int, member: Mask | None = None, 
     Raises
     ------
     InputError
-        If ``count`` is not positive, or larger than the smallest training set.
+        If ``count`` is no whole number, not positive, or larger than the smallest training set.
     """
+    check_whole(name, count)
     least = (
         distance_db.shape[1] if member is None else int(member.sum(axis=1).min(initial=distance_db.shape[1]))
     )

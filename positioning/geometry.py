@@ -1,4 +1,4 @@
-"""Plane geometry of a site: distances, and walls between two places."""
+"""Plane geometry: distances, walls between two places, rotations, the best fit of one figure to another."""
 
 import math
 from fractions import Fraction
@@ -46,6 +46,67 @@ def pairwise_distance_m(first_m: ArrayLike, second_m: ArrayLike) -> Array:
     difference = first[..., :, None, :] - second[..., None, :, :]
     distance: Array = np.sqrt(np.sum(difference * difference, axis=-1))
     return distance
+
+
+def rotated(point_m: ArrayLike, angle_rad: ArrayLike) -> Array:
+    """Return points turned to the left about the origin.
+
+    Parameters
+    ----------
+    point_m
+        [..., 2].
+    angle_rad
+        Broadcast to the leading axes, radians.
+    """
+    point = np.asarray(point_m, dtype=np.float64)
+    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    x, y = point[..., 0], point[..., 1]
+    return np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
+
+
+def rigid_fit(
+    point_m: ArrayLike, target_m: ArrayLike, known: NDArray[np.bool_] | None = None
+) -> tuple[Array, Array]:
+    """Return the rotation and the shift that bring points closest to their targets.
+
+    See Umeyama (1991), "Least-squares estimation of transformation parameters between two point patterns";
+    in the plane the rotation has a closed form. The scale stays. One known pair fixes no rotation: it is
+    zero then.
+
+    Parameters
+    ----------
+    point_m, target_m
+        [..., n, 2], metres.
+    known
+        Pairs that count, [..., n]; None takes all.
+
+    Returns
+    -------
+    tuple
+        Angle [...], radians, and shift [..., 2], metres, so that the target is about
+        ``rotated(point_m, angle) + shift``.
+
+    Raises
+    ------
+    InputError
+        Where no pair is known.
+    """
+    point, target = np.asarray(point_m, dtype=np.float64), np.asarray(target_m, dtype=np.float64)
+    counted = np.ones(point.shape[:-1], dtype=bool) if known is None else known
+    number = np.count_nonzero(counted, axis=-1)
+    if np.any(number == 0):
+        raise InputError("target_m", "no place is known", "Give at least one pair of places")
+
+    def centred(values: Array) -> tuple[Array, Array]:
+        kept = np.where(counted[..., None], values, 0.0)
+        centre = np.sum(kept, axis=-2) / number[..., None]
+        return np.where(counted[..., None], kept - centre[..., None, :], 0.0), centre
+
+    (a, centre), (b, target_centre) = centred(point), centred(target)
+    along = np.sum(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1], axis=-1)
+    across = np.sum(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], axis=-1)
+    angle = np.arctan2(across, along)
+    return np.asarray(angle), target_centre - rotated(centre, angle)
 
 
 def wall_crossings(start_m: ArrayLike, end_m: ArrayLike, wall_m: ArrayLike) -> NDArray[np.int64]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,11 +71,18 @@ class Site(_Part):
     wall_m
         End points of the walls, [..., wall, 2, 2], metres, filled up with NaN where worlds have
         different numbers of walls; None where there is no plan.
+    magnetic_north_rad
+        Direction to magnetic north, [...], radians from the x axis to the left; None where nobody knows it.
+    origin_geodetic
+        Where the origin of the local frame, x east and y north, lies on the earth, [..., 3]: latitude and
+        longitude, radians, and height above the ellipsoid, metres; None where no satellite is used.
     """
 
     corner_m: Array
     access_point_m: Array | None = None
     wall_m: Array | None = None
+    magnetic_north_rad: Array | None = None
+    origin_geodetic: Array | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,6 +203,25 @@ class Truth(_Part):
         What the gyroscope of a moving receiver reads too much, beyond its mean at rest, [...], rad/s.
     odometer_scale
         Speed that the odometer reads, as a multiple of the true one, [...].
+    stance_time_s
+        Begin and end of each stance of the foot that carries the sensors, [..., s, 2], seconds; NaN fills up.
+    stance_m
+        Place of the sensor in each of them, [..., s, 3], metres.
+    landmark
+        Number of the surveyed landmark where a walk stands, [..., k, n]; -1 = none.
+    query_m
+        Where the fingerprints of `Query` were taken, [..., m, 2], metres, where ``position_m`` holds others.
+    on_point_m
+        True position at the epochs at which a calibration point is passed, [..., n, 2], metres, else NaN.
+    height_m
+        Height above the origin of the local frame at each epoch, [..., n], metres.
+    velocity_m_per_s
+        North, east and down at each epoch, [..., n, 3].
+    attitude_rad
+        Roll, pitch and yaw of the body, x forward, y right, z down, against north, east, down at each epoch,
+        [..., n, 3].
+    landmark_m
+        True landmarks, [..., l, 3], metres: east, north, up in the local frame.
     """
 
     position_m: Array
@@ -216,6 +242,15 @@ class Truth(_Part):
     path_m: Array | None = None
     gyro_bias_rad_per_s: Array | None = None
     odometer_scale: Array | None = None
+    stance_time_s: Array | None = None
+    stance_m: Array | None = None
+    landmark: NDArray[np.integer[Any]] | None = None
+    query_m: Array | None = None
+    on_point_m: Array | None = None
+    height_m: Array | None = None
+    velocity_m_per_s: Array | None = None
+    attitude_rad: Array | None = None
+    landmark_m: Array | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -269,7 +304,41 @@ class Recording(_Part):
     gyro_rad_per_s
         Turn rate about the vertical, [..., m], radians a second, positive to the left.
     odometer_m_per_s
-        Speed, [..., m], metres a second; NaN = dropped out.
+        Speed, [..., m], metres a second; NaN = dropped out. Dead reckoning bridges at most two seconds by
+        the last speed, and refuses an odometer that never reads.
+    imu_time_s
+        Times of the readings of an inertial measurement unit, [..., i], seconds, on the clock of ``time_s``:
+        the end of the interval that a reading stands for; NaN after the end.
+    specific_force_m_per_s2
+        Mean over that interval in the frame of the sensor, [..., i, 3], metres a second squared; upwards, at
+        rest.
+    angular_rate_rad_per_s
+        Mean over that interval in the frame of the sensor, [..., i, 3], radians a second.
+    magnetic_field_ut
+        In the frame of the sensor, [..., i, 3], microtesla; NaN = none.
+    step_time_s, step_forward_m, step_left_m, step_turn_rad
+        Steps that an inertial filter has found, [..., s]: when each ends, and its motion in the frame of the
+        walker's heading before it, seconds, metres and radians; NaN fills up.
+    gps_time_s
+        Times of GPS, [..., g], seconds, on the clock of ``time_s``; NaN fills up.
+    gps_geodetic
+        Of the antenna, [..., g, 3]: latitude and longitude, radians, height above the ellipsoid, metres.
+    gps_velocity_m_per_s
+        North, east and down, of the antenna, [..., g, 3]; None where the receiver gives none.
+    gps_lever_arm_m
+        From the inertial measurement unit to the antenna in the frame of the body, [..., 3], metres.
+    gps_outage_s
+        Begin and end of a time in which GPS stands in the recording and must not be used, [..., 2], seconds;
+        NaN = none.
+    start_geodetic, start_velocity_m_per_s, start_attitude_rad
+        State at the first reading of the inertial measurement unit as somebody noted it, [..., 3] each:
+        latitude, longitude, height; north, east, down; roll, pitch, yaw.
+    sighting_time_s, sighting_landmark
+        When a landmark was seen, [..., o], seconds, NaN fills up, and which one, -1 fills up.
+    sighting
+        Range, bearing and elevation in the frame of the sensor, [..., o, 3], metres and radians.
+    sighting_lever_arm_m
+        From the inertial measurement unit to that sensor, [..., 3], metres; its axes are those of the body.
     """
 
     time_s: Array
@@ -285,6 +354,26 @@ class Recording(_Part):
     motion_time_s: Array | None = None
     gyro_rad_per_s: Array | None = None
     odometer_m_per_s: Array | None = None
+    imu_time_s: Array | None = None
+    specific_force_m_per_s2: Array | None = None
+    angular_rate_rad_per_s: Array | None = None
+    magnetic_field_ut: Array | None = None
+    step_time_s: Array | None = None
+    step_forward_m: Array | None = None
+    step_left_m: Array | None = None
+    step_turn_rad: Array | None = None
+    gps_time_s: Array | None = None
+    gps_geodetic: Array | None = None
+    gps_velocity_m_per_s: Array | None = None
+    gps_lever_arm_m: Array | None = None
+    gps_outage_s: Array | None = None
+    start_geodetic: Array | None = None
+    start_velocity_m_per_s: Array | None = None
+    start_attitude_rad: Array | None = None
+    sighting_time_s: Array | None = None
+    sighting_landmark: NDArray[np.integer[Any]] | None = None
+    sighting: Array | None = None
+    sighting_lever_arm_m: Array | None = None
 
     def until(self, count: int) -> Recording:
         """Return the first ``count`` epochs; readings of the motion have their own times and stay."""
@@ -296,6 +385,49 @@ class Recording(_Part):
 
 _EPOCHS: tuple[str, ...] = ("time_s", "rss_dbm", "range_m", "turn_before_rad", "advance_m", "turn_after_rad")
 _EPOCHS += ("fix_m", "fix_residual_m")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Walks(_Part):
+    """Several walks through one building, each dead reckoned in a frame of its own.
+
+    Walks of different length share one array: after its end a walk is filled up with NaN.
+
+    Attributes
+    ----------
+    time_s
+        Time of each pose, [..., k, n], seconds, from the start of its walk; NaN after the end.
+    position_m
+        Dead-reckoned position, [..., k, n, 2], metres, in the frame of its walk, which begins at (0, 0).
+    heading_rad
+        Dead-reckoned heading, [..., k, n], radians from the x axis of that frame to the left, not wrapped.
+    rss_dbm
+        Received signal strength at each pose, [..., k, n, ap], dBm; NaN = not heard. A pose without a scan
+        hears nothing.
+    """
+
+    time_s: Array
+    position_m: Array
+    heading_rad: Array
+    rss_dbm: Array
+
+
+class Aligned(NamedTuple):
+    """Walks in one frame.
+
+    Attributes
+    ----------
+    position_m
+        [k, n, 2], metres; NaN after the end of a walk.
+    heading_rad
+        [k, n], radians.
+    extra
+        Whatever else the algorithm wants to keep, each [k], [k, n] or [k, n, part].
+    """
+
+    position_m: Array
+    heading_rad: Array
+    extra: Mapping[str, NDArray[np.generic]] = {}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from positioning.errors import InputError
+from positioning.errors import InputError, check_whole
 from positioning.model import Array
 
 Index = NDArray[np.intp]
@@ -113,8 +113,9 @@ def check_columns(columns: int, most: int) -> None:
     Raises
     ------
     InputError
-        If ``columns`` does not lie between 1 and ``most``.
+        If ``columns`` is no whole number, or does not lie between 1 and ``most``.
     """
+    check_whole("columns", columns)
     if not 1 <= columns <= most:
         raise InputError(
             f"columns={columns}",

@@ -9,7 +9,18 @@ from numpy.typing import NDArray
 from positioning.errors import InputError
 from positioning.model import Arrays, Calibration, Recording, Site, Survey, Truth
 
-PER_RUN = ("position_m", "heading_rad", "distance_m", "path_m")
+PER_RUN = (
+    "position_m",
+    "heading_rad",
+    "distance_m",
+    "path_m",
+    "stance_time_s",
+    "stance_m",
+    "on_point_m",
+    "height_m",
+    "velocity_m_per_s",
+    "attitude_rad",
+)
 """What `Truth` holds of every epoch of every run; the rest is known once a world."""
 
 Generators = Sequence[np.random.Generator]

@@ -121,6 +121,9 @@ def test_input_that_cannot_be_used_is_refused(name: str) -> None:
         cls(columns=13).fit(RSS)
     with pytest.raises(InputError, match="columns=0"):
         cls(columns=0).fit(RSS)
+    for columns in ("four", 2.0, None):
+        with pytest.raises(InputError, match=r"columns=.*not a whole number"):
+            cls(columns=columns).fit(RSS)
     with pytest.raises(InputError, match="n from 1"):
         cls().fit(RSS[:0])
     with pytest.raises(InputError, match=r"rss_dbm\[0, 2\]"):
@@ -262,6 +265,9 @@ def test_more_neighbours_than_fingerprints_are_refused() -> None:
     with pytest.raises(InputError, match="k=6: it must lie between 1"):
         KnnSoftmax(k=6).fit(RSS[:5], POSITION[:5]).predict(RSS)
     few = Survey(rss_dbm=RSS[:5], position_m=POSITION[:5])
+    for k in ("four", 2.5):
+        with pytest.raises(InputError, match=r"k=.*not a whole number"):
+            KnnSoftmax(k=k).skip(few, None)  # type: ignore[arg-type]
     assert KnnSoftmax(k=4).skip(few, None) is None
     assert "this survey leaves 4" in str(KnnSoftmax(k=5).skip(few, None))
 

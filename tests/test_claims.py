@@ -32,6 +32,16 @@ def verdict(
     return ledger.iloc[0]
 
 
+def test_a_wide_interval_says_so_and_changes_no_verdict() -> None:
+    claim = {"kind": "value", "printed": "1.0", "quantity": A}
+    wide = verdict(claim, measures(a=np.linspace(0.1, 9.0, 41)))
+    assert wide["verdict"] == "reproduced"
+    assert wide["reason"].endswith("; a wide interval: a weak test")
+    narrow = verdict(claim, measures(a=np.linspace(0.5, 2.0, 41)))
+    assert narrow["verdict"] == "reproduced"
+    assert "weak" not in narrow["reason"]
+
+
 FORTY = np.linspace(2.0, 4.0, 41)
 
 

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from collections import Counter
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +17,19 @@ import pandas as pd
 import pytest
 import yaml
 from conftest import ROOT
-from planning.config import CONTEXT
+from planning.config import CONTEXT, resolve
 
 from positioning.errors import InputError
 from positioning.evaluation.claims import COLUMNS, VERDICTS, quantities
 from positioning.evaluation.measures import MEASURES, PAIRED, TABLE
 from positioning.files import read_yaml, write_tree
-from positioning.model import Worlds
+from positioning.filters.plane import with_leading_axis
+from positioning.model import Calibration, Query, Recording, Site, Survey, Walks, Worlds
 from positioning.recordings.register import COLUMNS as REGISTER_COLUMNS
-from positioning.registry import class_name
+from positioning.registry import class_name, factory
 from positioning.seeds import stream
 from positioning.simulation.fingerprint_loo import simulate
+from positioning.tasks import tracking
 from positioning.tasks.fingerprinting import PROTOCOLS
 
 GOLDEN = ROOT / "tests/golden/claims.csv"
@@ -429,6 +432,115 @@ def test_the_example_from_python_follows_the_walk_that_it_tells(capsys: pytest.C
     printed = [[float(cell) for cell in line.split()] for line in capsys.readouterr().out.splitlines()]
     assert [line[0] for line in printed] == recording.time_s.tolist()
     np.testing.assert_allclose([line[1:] for line in printed], names["track"].position_m, atol=0.0051)
+
+
+def test_the_lines_of_the_guide_make_rows() -> None:
+    guide = read("docs/add-an-algorithm.md")
+    ranging, parts = fenced(guide, "yaml")
+    config = read_yaml(ROOT / "config/config.yaml")
+    first, second = parts.splitlines()
+    for study, lines in (("bluetooth_robot", ranging), ("access_points_real", first), ("riss_wifi", second)):
+        rows = yaml.safe_load("algorithms:\n" + lines)["algorithms"]
+        config["studies"][study]["algorithms"] |= rows
+        assert set(rows) <= set(resolve(config, ROOT)[study].entries)
+
+
+def test_every_task_of_the_guide_has_a_template_and_its_methods() -> None:
+    table = tables_of(section(read("docs/add-an-algorithm.md"), "Other tasks"))[0]
+    task, told = "", {}
+    for line in table[1:]:
+        task = line[0] or task
+        told.setdefault(task, []).append(re.match(r"`(\w+)\((.*)\)`", line[1]))
+    assert {*told, "fingerprinting"} == {p.parent.name for p in (ROOT / "algorithms").glob("*/template.py")}
+    for task, methods in told.items():
+        template = importlib.import_module(f"algorithms.{task}.template").Template
+        for method, arguments in (found.groups() for found in methods if found is not None):
+            if hasattr(template, method):
+                known = list(inspect.signature(getattr(template, method)).parameters)[1:]
+                assert known[: len(arguments.split(", "))] == arguments.split(", ")
+
+
+def test_the_tracker_of_the_guide_follows_a_drive_in_spite_of_its_bias() -> None:
+    guide = read("docs/add-an-algorithm.md")
+    part = guide.partition("\n## A tracker with gyroscope and odometer\n")[2].partition("\n## ")[0]
+    (example,) = fenced(part, "python")
+    names: dict[str, Any] = {}
+    exec(compile(example, "docs/add-an-algorithm.md", "exec"), names)
+    time_s = (np.arange(1500) + 0.5) * 0.01
+    moving = time_s > 5
+    recording = Recording(
+        time_s=np.arange(0.0, 15.5, 5.0),
+        motion_time_s=time_s,
+        gyro_rad_per_s=0.02 + np.where(time_s > 10, np.pi / 10, 0.0),
+        odometer_m_per_s=np.where((time_s > 7) & (time_s < 8), np.nan, 1.0 * moving),
+        start_position_m=np.array([1.0, 2.0]),
+        start_heading_rad=np.pi / 2,
+    )
+    site = Site(corner_m=np.array([[-10.0, -10.0], [10.0, 10.0]]))
+    tracker = names["MyDrive"]()
+    track = tracker.track(recording, None, site, np.random.default_rng(0))
+    # Five metres on, then a quarter of a circle of radius 10 / pi to the left.
+    radius_m = 10 / np.pi
+    expected_m = [[1, 2], [1, 2], [1, 7], [1 - radius_m, 7 + radius_m]]
+    np.testing.assert_allclose(track.position_m, expected_m, atol=0.02)
+    assert "odometer" in tracker.skip(replace(recording, odometer_m_per_s=None), None, site)
+    observed = {**with_leading_axis(recording).to_arrays(), **with_leading_axis(site).to_arrays()}
+    outcome = tracking.run(lambda **_: tracker, observed, None, {}, [np.random.default_rng(0)])
+    np.testing.assert_array_equal(outcome.estimates["position_m"][0], track.position_m)
+
+
+def test_the_guide_to_data_sets_names_every_array_with_its_dimensions() -> None:
+    table = next(t for t in tables_of(read("docs/add-a-data-set.md")) if t[0][0] == "array")
+    told: dict[str, int] = {}
+    for names, shapes, _ in table[1:]:
+        part = ""
+        found = re.findall(r"\[([^]]*)\]", shapes)
+        listed = re.findall(r"`([\w.]+)`", names)
+        found = found * len(listed) if len(found) == 1 else found + found[-1:] * (len(listed) - len(found))
+        for name, shape in zip(listed, found, strict=True):
+            part = name.partition(".")[0] if "." in name else part
+            told[f"{part}.{name.rpartition('.')[2]}"] = len(shape.split(",")) - 1
+    for part in (Site, Survey, Query, Calibration, Recording, Walks):
+        text = inspect.getdoc(part) or ""
+        for field in fields(part):
+            name = f"{part.__name__}.{field.name}"
+            assert name in told, name
+            shape = re.search(
+                rf"\b{field.name}\b.*?\[\.\.\.(.*?)\]", text.partition("Attributes")[2], re.DOTALL
+            )
+            assert shape is not None
+            if "fill" not in name:
+                assert told[name] == len([x for x in shape[1].split(",") if x.strip()]), name
+
+
+def test_the_adapter_of_the_guide_gives_what_the_filters_need(tmp_path: Path) -> None:
+    (example,) = [part for part in fenced(read("docs/add-a-data-set.md"), "python") if "Recording(" in part]
+    names: dict[str, Any] = {}
+    exec(compile(example, "docs/add-a-data-set.md", "exec"), names)
+    time_s = np.arange(0.05, 20, 0.1)
+    speed = np.where(time_s > 5, 0.4, 0.0)
+    place_m = np.stack(np.meshgrid(np.arange(0.0, 7, 2), np.arange(-2.0, 3, 2)), axis=-1).reshape(-1, 2)
+    scan_s = np.arange(0.0, 20)
+    scan_m = np.stack([np.maximum(scan_s - 5, 0) * 0.4, np.zeros(20)], axis=-1)
+
+    def heard(position_m: Any) -> Any:
+        beacon_m = np.array([[0.0, -3], [6, -3], [0, 3], [6, 3]])
+        return -40 - 5 * np.linalg.norm(position_m[:, None] - beacon_m, axis=-1)
+
+    for name, columns in (
+        ("motion", [time_s, np.full(len(time_s), 0.5), speed]),
+        ("scans", [scan_s, scan_m, heard(scan_m)]),
+        ("survey", [place_m, heard(place_m)]),
+    ):
+        np.savetxt(tmp_path / f"{name}.csv", np.column_stack(columns), delimiter=",", header="x", comments="")
+    worlds = names["load"](tmp_path)
+    for use in ("riss", "riss_particle_filter", "riss_kalman_filter"):
+        outcome = tracking.run(
+            factory(use, "tracking", {}), worlds.observed, None, {}, [np.random.default_rng(0)]
+        )
+        assert outcome.skipped == ""
+        error_m = tracking.score(outcome.estimates, worlds.truth)["error_m"]
+        assert error_m.max() < (0.05 if use == "riss" else 2.5), use
 
 
 # Papers of the project itself

@@ -319,6 +319,23 @@ def test_silence_stays_in_the_centre_of_the_survey() -> None:
     np.testing.assert_array_equal(track.position_m[~ENDED], centre_m[~ENDED])
 
 
+def test_a_map_may_have_as_many_places_as_neighbours() -> None:
+    for places in (1, 5):
+        few = Survey(rss_dbm=SURVEY.rss_dbm[:, :places], position_m=SURVEY.position_m[:, :places])
+        assert cannot_fix(Knn(k=places), few, RECORDING, SITE) == ""
+        assert np.isfinite(fingerprint_fixes(Knn(k=places), few, RECORDING)[SCANNED & ~ENDED]).all()
+        reason = cannot_fix(Knn(k=places + 1), few, RECORDING, SITE)
+        assert f"needs {places + 1} training fingerprints, this survey leaves {places}" in reason
+        assert "smaller k" in reason.cure
+    # Several scans of a place count as they do in the fit.
+    twice = Survey(
+        rss_dbm=np.repeat(SURVEY.rss_dbm[:, :2], 3, axis=1),
+        position_m=np.repeat(SURVEY.position_m[:, :2], 3, axis=1),
+    )
+    assert cannot_fix(Knn(k=6), twice, RECORDING, SITE) == ""
+    assert "leaves 6" in cannot_fix(Knn(k=7), twice, RECORDING, SITE)
+
+
 def test_skip_names_what_is_missing() -> None:
     tracker = FingerprintAlone()
     assert tracker.skip(RECORDING, SURVEY, SITE) == ""
@@ -328,6 +345,7 @@ def test_skip_names_what_is_missing() -> None:
     assert "no received strengths" in tracker.skip(replace(RECORDING, rss_dbm=None), SURVEY, SITE)
     narrow = replace(SURVEY, rss_dbm=SURVEY.rss_dbm[..., :3])
     assert "columns = 4 are asked" in tracker.skip(RECORDING, narrow, SITE)
+    assert "fewer columns" in tracker.skip(RECORDING, narrow, SITE).cure
     assert cannot_fix(ControlCentre(), narrow, RECORDING, SITE) == ""
     with pytest.raises(InputError, match="no survey"):
         tracker.track_stack(RECORDING, None, SITE, rngs())

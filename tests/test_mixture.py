@@ -197,6 +197,33 @@ def test_clusters_have_equal_numbers_and_lie_in_disjoint_boxes(
     assert (apart.any(axis=-1) | np.eye(clusters, dtype=bool)).all()
 
 
+def plain_median_cut(position_m: Array, members: Array, first: Array) -> list[frozenset[int]]:
+    """Return the clusters that begin at ``first`` by sorting one box after the other."""
+    if len(first) == 2:
+        return [frozenset(members.tolist())]
+    side_m = position_m[int(np.argmax(np.ptp(position_m[:, members], axis=1)))]
+    middle = (len(first) - 1) // 2
+    inside = members[np.argsort(side_m[members])]
+    cut = first[middle] - first[0]
+    low = plain_median_cut(position_m, inside[:cut], first[: middle + 1])
+    return low + plain_median_cut(position_m, inside[cut:], first[middle:])
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000), st.integers(1, 300), st.data())
+def test_clusters_of_a_stack_are_those_of_one_cut_after_the_other(
+    seed: int, samples: int, data: st.DataObject
+) -> None:
+    clusters = data.draw(st.integers(1, samples))
+    position_m = np.random.default_rng(seed).normal(0, ((2.0,), (1.0,)), (3, 2, samples))
+    cut = median_cut(position_m, clusters)
+    limits = np.arange(clusters + 1) * samples // clusters
+    np.testing.assert_array_equal(cut.first, limits[:-1])
+    for place, order in zip(position_m, cut.order, strict=True):
+        parts = [frozenset(part.tolist()) for part in np.split(order, cut.first[1:])]
+        assert parts == plain_median_cut(place, np.arange(samples), limits)
+
+
 @pytest.mark.parametrize(("samples", "clusters"), [(1000, 200), (1000, 50), (999, 37), (1201, 600)])
 def test_many_samples_lie_in_disjoint_boxes_too(samples: int, clusters: int) -> None:
     position_m = np.random.default_rng(samples).normal(0, (3.0, 1.0), (samples, 2)).T
@@ -261,6 +288,7 @@ def test_another_number_of_clusters_is_refused(clusters: int) -> None:
 
 def test_equal_places_can_be_cut() -> None:
     found = median_cut(np.zeros((2, 10)), 4)
+    np.testing.assert_array_equal(found.order, np.arange(10))
     np.testing.assert_array_equal(np.sort(found.order), np.arange(10))
     np.testing.assert_array_equal(found.sizes(), [2, 3, 2, 3])
 

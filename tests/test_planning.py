@@ -1,6 +1,8 @@
 """The plan: configuration checked before any job, code found, studies resolved."""
 
 import copy
+import subprocess
+import sys
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -31,6 +33,10 @@ def changed(change: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
 
 def shipped() -> dict[str, Any]:
     return yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
+
+
+def tracker(study: dict[str, Any], settings: dict[str, Any]) -> None:
+    study.update(algorithms={"wknn": {}, "a": {"use": "fingerprint_alone", **settings}})
 
 
 WRONG = {
@@ -82,6 +88,48 @@ WRONG = {
         lambda s: s.update(algorithms={"wknn": {}, "pseudo_inverse": {"ranging": {"use": "least_squares"}}}),
         ["algorithms.pseudo_inverse.ranging", "no ranging algorithm"],
     ),
+    "part without use": (
+        lambda s: tracker(s, {"fingerprinting": {"columns": 4}}),
+        ["algorithms.a.fingerprinting", "use is missing", "{use:"],
+    ),
+    "part as a bare name": (
+        lambda s: tracker(s, {"fingerprinting": "knn"}),
+        ["algorithms.a.fingerprinting", "'knn'", "Write fingerprinting: {use: knn, ...}"],
+    ),
+    "part of another task": (
+        lambda s: tracker(s, {"fingerprinting": {"use": "strongest"}}),
+        ["algorithms.a.fingerprinting", "strongest is no fingerprinting algorithm", "access_points"],
+    ),
+    "part of a part of another task": (
+        lambda s: tracker(s, {"fingerprinting": {"use": "reduced", "access_points": {"use": "knn"}}}),
+        ["a.fingerprinting.access_points", "knn is no access_points", "strongest"],
+    ),
+    "part whose use is no name": (
+        lambda s: tracker(s, {"fingerprinting": {"use": 4}}),
+        ["algorithms.a.fingerprinting.use", "4 is no name"],
+    ),
+    "class that a library does not have": (
+        lambda s: s["algorithms"].update(a={"use": "sklearn.ensemble.RandomForestRegresor"}),
+        ["algorithms.a.use", "did you mean 'RandomForestRegressor'", "installed"],
+    ),
+    "module that a library does not have": (
+        lambda s: tracker(s, {"fingerprinting": {"use": "sklearn.ensembel.RandomForestRegressor"}}),
+        ["algorithms.a.fingerprinting.use", "there is no sklearn.ensembel", "installed"],
+    ),
+    "library that is not installed": (
+        lambda s: s["algorithms"].update(a={"use": "not_installed.part.Regressor"}),
+        ["algorithms.a.use", "there is no not_installed", "installed"],
+    ),
+    "a choice of access points as a row": (
+        lambda s: s["algorithms"].update(mine={"use": "strongest", "columns": 4}),
+        ["algorithms.mine:", "part of a row", "mine: {use: reduced, access_points: {use: strongest}}"],
+    ),
+    "a fingerprinting row among trackers": (
+        lambda s: s.update(
+            algorithms={"riss": {}, "fingerprint_alone": {}, "control_centre": {}, "mine": {"use": "wknn"}}
+        ),
+        ["algorithms.mine:", "control_centre", "{use: fingerprint_alone, fingerprinting: {use: ...}}"],
+    ),
     "fixes and ranging": (
         lambda s: s.update(
             algorithms={
@@ -95,6 +143,29 @@ WRONG = {
     "fixes of a row that gives none": (
         lambda s: s.update(algorithms={"wknn": {}, "a": {"use": "particle_filter", "fixes": "wknn"}}),
         ["algorithms.a.fixes", "'wknn'", "trilateration row"],
+    ),
+    "steps of a row that builds on steps itself": (
+        lambda s: s.update(
+            algorithms={
+                "foot_inertial": {},
+                "a": {"use": "foot_cascaded_filter", "steps": "foot_inertial"},
+                "b": {"use": "foot_cascaded_filter", "steps": "a"},
+            }
+        ),
+        ["algorithms.b.steps", "'a'", "stands alone"],
+    ),
+    "steps and an inertial filter of its own": (
+        lambda s: s.update(
+            algorithms={
+                "foot_inertial": {},
+                "a": {
+                    "use": "foot_cascaded_filter",
+                    "steps": "foot_inertial",
+                    "inertial": {"use": "foot_inertial"},
+                },
+            }
+        ),
+        ["algorithms.a.inertial", "foot_inertial", "one of the two"],
     ),
     "fixes of a row on fewer worlds": (
         lambda s: s.update(
@@ -147,6 +218,28 @@ def test_wrong_configuration_names_the_thing_the_limit_and_the_cure(case: str) -
         resolve(changed(change))
     for part in parts:
         assert part in str(raised.value), f"{part!r} is not in {raised.value}"
+
+
+def test_a_long_list_of_names_is_of_the_task_and_ends() -> None:
+    with pytest.raises(InputError) as raised:
+        resolve(changed(lambda s: s["algorithms"].update(a={"use": "qqq"})))
+    assert "rbf_network" in str(raised.value)
+    assert "riss" not in str(raised.value)
+    assert "more" in raised.value.cure
+    assert len(raised.value.cure) < 200
+
+
+def test_names_of_libraries_are_checked_without_importing_them() -> None:
+    code = (
+        "import sys\n"
+        "from planning.code import missing_of_library as missing\n"
+        "names = ['sklearn.ensemble.RandomForestRegressor', 'sklearn.gaussian_process.kernels.RBF',"
+        " 'sklearn.neural_network.MLPRegressor', 'scipy.spatial.cKDTree', 'math.floor']\n"
+        "assert [missing(name) for name in names] == [None] * 5\n"
+        "assert missing('sklearn.svm.SRV')[0] == 'sklearn.svm.SRV'\n"
+        "assert 'sklearn' not in sys.modules and 'scipy' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT / "workflow", timeout=60)
 
 
 def test_the_small_configuration_is_right() -> None:
@@ -309,6 +402,16 @@ def test_constructor_parameters_without_import(tmp_path: Path) -> None:
     file.write_text("class X:\n    def __init__(self, *, a, b=1): ...\nclass Y(X): ...\n", encoding="utf-8")
     assert constructor_parameters(str(file), "X") == ["a", "b"]
     assert constructor_parameters(str(file), "Y") is None
+
+
+def test_a_plan_tells_what_its_controls_stand_for() -> None:
+    for study in resolve(shipped()).values():
+        for name, entry in study.describe()["entries"].items():
+            assert bool(entry.get("meaning", "")) == study.entries[name].is_control
+    entries = resolve(shipped())["riss_wifi"].describe()["entries"]
+    assert entries["control_calibrated_riss"]["meaning"].startswith(
+        "The mechanisation for somebody who knows"
+    )
 
 
 def test_the_template_is_no_algorithm() -> None:

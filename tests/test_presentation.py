@@ -1,6 +1,8 @@
 """Figures, tables and pages from a small invented study."""
 
+import dataclasses
 import importlib.util
+import itertools
 import json
 from html.parser import HTMLParser
 from pathlib import Path
@@ -15,8 +17,17 @@ from positioning.evaluation import measures as m
 from positioning.evaluation.claims import VERDICTS, judge
 from positioning.evaluation.results import StudyResults, read_row_errors
 from positioning.files import read_yaml, write_errors, write_json, write_tree
-from positioning.presentation import figures, pages, tables
-from positioning.presentation.style import KNOWN, PALETTES, TONES, contrast, drawing, stroke
+from positioning.presentation import figures, pages, recorded, tables
+from positioning.presentation.style import (
+    KNOWN,
+    PALETTES,
+    TONES,
+    contrast,
+    difference,
+    drawing,
+    stroke,
+    strokes,
+)
 
 ROOT = Path(__file__).resolve().parents[1]
 STUDY = "fingerprint_loo"
@@ -346,7 +357,7 @@ def test_study_page_tells_setting_calibration_skips_and_build(built):
     assert "after 7 values tried" in told
     assert "0abc" in told
     assert "versions.numpy 2.4" in told
-    assert "0.25" in told
+    assert "250 ms" in told
 
 
 def test_best_row_is_no_control_and_no_resubstitution(built):
@@ -520,6 +531,97 @@ def test_unknown_rows_have_a_stable_visible_colour():
     assert [stroke(name) for name in names] == [stroke(name) for name in names]
     assert len({stroke(name).color for name in names}) > 8
     assert all(contrast(stroke(name).color, "#ffffff") >= 3 for name in names)
+
+
+def test_unknown_rows_of_one_figure_are_told_apart_and_known_ones_keep_their_stroke():
+    rows = ["wknn", *(f"mine_{number}" for number in range(8)), "svm"]
+    found = strokes(rows)
+    assert found == strokes(rows)
+    assert found["wknn"] == KNOWN["wknn"]
+    assert found["svm"] == KNOWN["svm"]
+    for first, second in itertools.combinations(rows, 2):
+        assert difference(found[first].color, found[second].color) > 15
+    assert len({found[row][1:] for row in rows}) > 6
+    with drawing(rows):
+        assert [stroke(row) for row in rows] == [found[row] for row in rows]
+    assert stroke("mine_3") != found["mine_3"]
+
+
+@pytest.mark.parametrize("study", ["riss_real", "access_points_real"])
+def test_rows_of_real_studies_are_told_apart(study):
+    rows = yaml.safe_load((ROOT / "config/config.yaml").read_text())["studies"][study]["algorithms"]
+    assert set(rows) <= set(KNOWN)
+    for first, second in itertools.combinations(rows, 2):
+        assert difference(KNOWN[first].color, KNOWN[second].color) > 10, (first, second)
+        assert (
+            KNOWN[first][1:] != KNOWN[second][1:] or difference(KNOWN[first].color, KNOWN[second].color) > 25
+        ), (first, second)
+
+
+def test_metres_counts_and_run_times_have_readable_digits():
+    assert [tables.metres(value) for value in (0.05, 0.1, 1.2345, float("nan"))] == [
+        "0.050",
+        "0.10",
+        "1.23",
+        tables.NOTHING,
+    ]
+    assert [pages._seconds(value) for value in (0.0012, 0.05, 0.25, 0.9, 2.345, 12.4, 130)] == [
+        *("1.2 ms", "50 ms", "250 ms", "900 ms", "2.3 s", "12 s", "130 s")
+    ]
+    line = {"claim": "a", "printed": "31", "unit": "iterations", "worlds": 40}
+    told = pages._claim({**line, "rebuilt": 30.6, "low": 20.2, "high": 41.7}, {"a": "value"})
+    assert (told["rebuilt"], told["span"]) == ("31", "20 to 42")
+
+
+def test_rows_with_other_samples_are_named_in_captions():
+    rows = ("a", "b", "c")
+    lines = [("plaza", row, np.nan, 0, "n", float(n)) for row, n in zip(rows, (431, 531, 531), strict=True)]
+    results = StudyResults(
+        study="riss_real",
+        rows=rows,
+        sweeps={},
+        measures=pd.DataFrame(lines, columns=m.MEASURES),
+        error_files=(),
+        observed={},
+        truth={},
+    )
+    assert figures.sample_counts(results, "plaza", rows) == "n = 531 samples (431 of a)"
+    assert "other samples" in figures.differ(results, ["plaza"])
+    assert recorded._different(results, ["plaza"], rows).startswith(
+        " plaza: n = 531 samples (431 of a). Rows"
+    )
+    assert (
+        figures.differ(results, ["plaza"], ["b", "c"]) == recorded._different(results, ["plaza"], ["b"]) == ""
+    )
+
+
+def test_a_figure_of_single_recordings_speaks_of_no_interval(built):
+    arguments = built["figures"]
+    results = StudyResults(
+        study="another",
+        rows=tuple(arguments["rows"]),
+        sweeps={},
+        measures=pd.read_parquet(arguments["measures"]),
+        error_files=tuple(arguments["errors"]),
+        observed={"floor": {}},
+        truth={},
+    )
+    assert "single experiments" in figures.default_figures(results)[-1].caption
+    one = dataclasses.replace(results, measures=results.measures[results.measures["world"] == 0])
+    caption = figures.default_figures(one)[-1].caption
+    assert "single experiments" not in caption
+    assert "world" not in caption
+
+
+def test_what_calibration_means_is_said_once(built):
+    told = Page(built[f"{STUDY}.html"]).text
+    assert told.count("by construction and counts for nothing") == 1
+
+
+def test_controls_are_told_in_the_words_of_their_class():
+    controls = {"control_rigid": "Every walk turned.", "control_x": ""}
+    entries = [pages._entry(name, {"use": name, "meaning": text}) for name, text in controls.items()]
+    assert [entry["meaning"] for entry in entries] == ["every walk turned", ""]
 
 
 def test_every_verdict_has_a_tone_of_enough_contrast_and_a_sentence():

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from algorithms.tracking.control_calibrated_riss import ControlCalibratedRiss
 from algorithms.tracking.riss import Riss
 from positioning.errors import InputError
+from positioning.filters.plane import with_leading_axis
 from positioning.inertial.earth import EARTH_RATE_RAD_PER_S, meridian_radius_m, normal_radius_m
 from positioning.inertial.riss import (
     Increments,
@@ -21,6 +22,7 @@ from positioning.inertial.riss import (
     first_rest,
     increments,
     mechanise,
+    motion_missing,
     move,
     readings,
 )
@@ -232,7 +234,49 @@ def test_drop_outs_are_bridged_by_the_last_speed() -> None:
     # None before the first: it stands.
     steps = increments(recorded([0.0, 1.0, 2.0], 0.0, np.repeat([np.nan, 1.0], 100)))
     np.testing.assert_allclose(steps.forward_m[0], [0, 0, 1.0], atol=1e-9)
-    assert not increments(recorded([0.0, 1.0], 0.0, np.full(100, np.nan))).moving.any()
+
+
+def test_an_odometer_that_never_reads_is_no_motion() -> None:
+    silent = recorded([0.0, 1.0], 0.0, np.full(100, np.nan))
+    assert motion_missing(silent) == motion_missing(silent.at(0)) == "the odometer has no reading"
+    with pytest.raises(InputError, match=r"no reading\. Give odometer_m_per_s"):
+        increments(silent)
+    pair = {
+        name: np.repeat(getattr(silent, name), 2, axis=0)
+        for name in ("time_s", "motion_time_s", "gyro_rad_per_s", "odometer_m_per_s")
+    }
+    pair["odometer_m_per_s"][0] = 1.0
+    assert "no reading" in motion_missing(Recording(**pair))
+
+
+@pytest.mark.parametrize("begin", [0, 150, 300])
+def test_drop_outs_are_bridged_up_to_a_limit(begin: int) -> None:
+    speed = np.ones(500)
+    speed[begin : begin + 200] = np.nan
+    bridged = recorded([0.0, 5.0], 0.0, speed)
+    assert motion_missing(bridged) == ""
+    assert increments(bridged).forward_m[0, 1] == pytest.approx(3.0 if begin == 0 else 5.0)
+    speed = np.ones(500)
+    speed[max(begin - 1, 0) : begin + 201] = np.nan
+    refused = recorded([0.0, 5.0], 0.0, speed)
+    assert "dropped out for 2.0" in motion_missing(refused)
+    with pytest.raises(InputError, match="more than 2 s"):
+        increments(refused)
+
+
+def test_a_single_recording_is_refused_with_what_makes_a_stack_of_it() -> None:
+    stack = resting_drive(0.0)
+    single = stack.at(0)
+    for function in (increments, first_rest, downsample):
+        with pytest.raises(InputError, match="with_leading_axis"):
+            function(single)
+    np.testing.assert_array_equal(increments(with_leading_axis(single)).turn_rad, increments(stack).turn_rad)
+
+
+def test_edges_that_decrease_are_refused() -> None:
+    for edges in ([0.0, 2.0, 1.0], [0.0, np.nan, 2.0]):
+        with pytest.raises(InputError, match=r"edge_s\[1|edge_s\[0"):
+            mechanise(edges, [0.1, 0.1], [1.0, 1.0], azimuth_rad=0.0, latitude_rad=0.5)
 
 
 @settings(max_examples=20, deadline=None)
@@ -248,9 +292,9 @@ def test_averaging_keeps_the_angle(seed: int, factor: int) -> None:
 
 
 def test_averaging_is_over_neighbours() -> None:
-    recording = recorded([0.0], [1.0, 3.0, 5.0, 9.0, 70.0], [1.0, np.nan, np.nan, np.nan, 1.0], step_s=1.0)
+    recording = recorded([0.0], [1.0, 3.0, 5.0, 9.0, 70.0], [1.0, np.nan, np.nan, np.nan, 1.0], step_s=0.5)
     slower = downsample(recording)
-    np.testing.assert_array_equal(slower.motion_time_s, [[1.0, 3.0]])
+    np.testing.assert_array_equal(slower.motion_time_s, [[0.5, 1.5]])
     np.testing.assert_array_equal(slower.gyro_rad_per_s, [[2.0, 7.0]])
     np.testing.assert_array_equal(slower.odometer_m_per_s, [[1.0, np.nan]])
     assert downsample(recording, factor=1) is recording

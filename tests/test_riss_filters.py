@@ -394,6 +394,11 @@ def test_skip_names_what_is_missing() -> None:
         (RissMixtureFilter, "weight_wifi", float("nan")),
         (RissFastMixtureFilter, "clusters", 0),
         (RissFastMixtureFilter, "clusters", 1001),
+        (RissParticleFilter, "particles", 99.5),
+        (RissParticleFilter, "particles", "many"),
+        (RissParticleFilter, "scale_m", "wide"),
+        (RissFastMixtureFilter, "clusters", 20.0),
+        (RissAdaptiveMixtureFilter, "far", (0, 0)),
         (RissAdaptiveMixtureFilter, "near", (0.5, -0.5)),
         (RissAdaptiveMixtureFilter, "far", (0.5, 0.5, 0.5)),
         (RissAdaptiveMixtureFilter, "hold_s", -1.0),
@@ -401,8 +406,10 @@ def test_skip_names_what_is_missing() -> None:
     ],
 )
 def test_senseless_settings_are_refused(cls: Any, parameter: str, value: Any) -> None:
-    with pytest.raises(InputError, match=parameter):
+    with pytest.raises(InputError, match="both are zero" if value == (0, 0) else parameter):
         track(cls(**{"fingerprinting": Coordinates(), parameter: value}))
+    with pytest.raises(InputError, match="both are zero"):
+        track(RissMixtureFilter(fingerprinting=Coordinates(), weight_prediction=0, weight_wifi=0))
 
 
 @pytest.mark.parametrize("name", ["time_s", "motion_time_s"])

@@ -429,6 +429,8 @@ def test_a_skip_is_asked_before_and_its_reason_kept() -> None:
         (lambda t: {"covariance_m2": np.full_like(t.covariance_m2, np.inf)}, "covariance_m2"),
         (lambda t: {"position_m": t.position_m[:2]}, "epochs"),
         (lambda t: {"covariance_m2": -t.covariance_m2}, "negative variance"),
+        (lambda t: {"time_s": t.time_s[:2]}, "epochs"),
+        (lambda t: {"time_s": t.time_s + 1}, "time_s: it differs"),
     ],
 )
 def test_a_wrong_track_is_refused(change: Any, said: str) -> None:
@@ -441,6 +443,20 @@ def test_a_wrong_track_is_refused(change: Any, said: str) -> None:
 
     with pytest.raises(InputError, match=said):
         tracking.run(lambda **_: Wrong(), worlds().observed, None, {}, generators())
+
+
+def test_an_answer_that_is_no_track_says_what_is_wanted() -> None:
+    class Bare(Walker):
+        def track(self, *given: Any) -> Any:
+            return super().track(*given).position_m
+
+    class Stacked(Bare):
+        def track_stack(self, *given: Any) -> Any:
+            return None
+
+    for cls, name in ((Bare, "ndarray"), (Stacked, "NoneType")):
+        with pytest.raises(InputError, match=rf"a {name}, not a Track\. Return positioning.model.Track"):
+            tracking.run(lambda cls=cls, **_: cls(), worlds().observed, None, {}, generators())
 
 
 # Recordings and lines of the configuration

@@ -187,7 +187,7 @@ def test_wrong_configuration_stops_before_any_job(copy: Project) -> None:
     assert done.returncode != 0
     said = done.stdout + done.stderr
     assert "'wknnn'" in said
-    assert "Did you mean 'wknn'" in said
+    assert "did you mean 'wknn'" in said
     assert "Traceback" not in said
 
 

@@ -8,6 +8,7 @@ from sklearn.base import clone
 
 from algorithms.access_points.fast_orthogonal_search import FastOrthogonalSearch
 from algorithms.fingerprinting.knn_softmax import KnnSoftmax
+from positioning.errors import Reason, check_whole
 from positioning.fingerprints import FingerprintRegressor
 from positioning.model import Array, Site, Survey
 
@@ -36,9 +37,13 @@ class Reduced(FingerprintRegressor):
         See Atia et al., section 5.7.2.
         """
         columns = getattr(self._parts()[0], "columns", 0)
+        check_whole("columns", columns)
         found = np.shape(survey.rss_dbm)[-1]
         if columns > found:
-            return f"columns = {columns} are asked of a map of {found}"
+            return Reason(
+                f"columns = {columns} are asked of a map of {found}",
+                "Choose fewer columns, or survey more access points",
+            )
         skip = getattr(self._parts()[1], "skip", None)
         return None if skip is None else skip(survey, site) or None
 

@@ -7,7 +7,7 @@ from typing import cast
 import numpy as np
 
 from algorithms.tracking.riss import Riss
-from positioning.errors import InputError
+from positioning.errors import InputError, Reason, refusal
 from positioning.filters.plane import check_settings, track_one, with_leading_axis
 from positioning.inertial.riss import downsample, first_rest, motion_missing
 from positioning.model import Array, Calibration, Recording, Site, Survey, Track, Truth
@@ -41,7 +41,10 @@ class ControlCalibratedRiss:
         See Atia et al., Table 2, to which this row is added.
         """
         if self.truth is None or any(getattr(self.truth, name) is None for name in _NEEDED):
-            return "the true errors of gyroscope and odometer are known of synthetic worlds only"
+            return Reason(
+                "the true errors of gyroscope and odometer are known of synthetic worlds only",
+                "Use it with synthetic worlds only",
+            )
         return motion_missing(recording)
 
     def track(
@@ -91,7 +94,7 @@ class ControlCalibratedRiss:
         check_settings(downsampling=(self.downsampling, 1, 1e6))
         reason = self.skip(recording, survey, site)
         if reason:
-            raise InputError("control_calibrated_riss", reason, "Use it with synthetic worlds only")
+            raise refusal("control_calibrated_riss", reason)
         path_m, heading_rad, bias, scale = (
             np.asarray(getattr(self.truth, name), dtype=np.float64) for name in _NEEDED
         )

@@ -10,6 +10,7 @@ from algorithms.fingerprinting.knn_softmax import KnnSoftmax
 from algorithms.fingerprinting.reduced import Reduced
 from positioning.filters.plane import check_stack, track_one
 from positioning.fingerprint_fixes import (
+    best_of_three,
     cannot_fix,
     fingerprint_fixes,
     fix_covariance_m2,
@@ -34,10 +35,14 @@ class FingerprintAlone:
     fingerprinting
         From scans to fixes; None takes the k nearest neighbours of eq. 6 on the four access points of fast
         orthogonal search.
+    best_of_three
+        Take the place that at least two of the last three fixes have, else the latest; see Frank et al.,
+        section 2.
     """
 
-    def __init__(self, *, fingerprinting: Any = None) -> None:
+    def __init__(self, *, fingerprinting: Any = None, best_of_three: bool = False) -> None:
         self.fingerprinting = fingerprinting
+        self.best_of_three = best_of_three
 
     def skip(self, recording: Recording, survey: Survey | Calibration | None, site: Site) -> str:
         """Say why these data cannot be located; empty where they can.
@@ -91,6 +96,8 @@ class FingerprintAlone:
         length = check_stack(recording, site, beacons=False)
         algorithm = self._algorithm()
         fix_m = fingerprint_fixes(algorithm, survey, recording)
+        if self.best_of_three:
+            fix_m = best_of_three(fix_m)
         centre_m, spread_m2 = map_centre_and_variance(cast(Survey, survey))
         error_m2 = fix_covariance_m2(algorithm, survey)
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from positioning.errors import InputError
+from positioning.errors import Reason, refusal
 from positioning.filters import kalman
 from positioning.filters.plane import (
     LEAST_VARIANCE_M2,
@@ -77,9 +77,9 @@ class Riss:
         if reason := motion_missing(recording):
             return reason
         if headings_missing(recording):
-            return "the start heading was not recorded"
+            return Reason("the start heading was not recorded", "Give start_heading_rad")
         if recording.start_position_m is None or np.isnan(recording.start_position_m).any():
-            return "the start place was not recorded"
+            return Reason("the start place was not recorded", "Give start_position_m")
         return ""
 
     def track(
@@ -132,7 +132,7 @@ class Riss:
             scale_sigma=(self.scale_sigma, 0, 1e3),
         )
         if reason := self.skip(recording, survey, site):
-            raise InputError("recording", reason, "Record the motion, start_position_m and start_heading_rad")
+            raise refusal("recording", reason)
         check_stack(recording, site, beacons=False)
         slower = downsample(recording, factor=self.downsampling)
         rest, read = first_rest(slower), readings(slower)

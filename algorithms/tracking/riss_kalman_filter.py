@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 
 from algorithms.fingerprinting.reduced import Reduced
-from positioning.errors import InputError
+from positioning.errors import InputError, Reason, refusal
 from positioning.filters import kalman
 from positioning.filters.mixture import start_at_rest
 from positioning.filters.plane import check_settings, check_stack, headings_missing, track_one
@@ -82,7 +82,7 @@ class RissKalmanFilter:
         if reason := motion_missing(recording):
             return reason
         if headings_missing(recording):
-            return "the start heading was not recorded"
+            return Reason("the start heading was not recorded", "Give start_heading_rad")
         if not isinstance(survey, Survey) or np.ndim(survey.rss_dbm) == 3:
             return cannot_fix(self._fingerprinting(), survey, recording, site)
         return "" if recording.rss_dbm is not None else "the recording holds no received strengths"
@@ -133,7 +133,7 @@ class RissKalmanFilter:
         """
         self._check()
         if reason := self.skip(recording, survey, site):
-            raise InputError("recording and survey", reason, "Record motion, heading, scans and a survey")
+            raise refusal("recording and survey", reason)
         length = check_stack(recording, site, beacons=False)
         steps = increments(downsample(recording, factor=self.downsampling))
         fix_m = fingerprint_fixes(self._fingerprinting(), survey, recording)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.fingerprinting.reduced import Reduced
-from positioning.errors import InputError
+from positioning.errors import refusal
 from positioning.filters.mixture import Drive, Mixture, SystemNoise, filter_drive, start_at_rest
 from positioning.filters.plane import check_settings, check_stack, track_one, with_leading_axis
 from positioning.fingerprint_fixes import cannot_fix, fingerprint_fixes
@@ -142,9 +142,7 @@ class RissParticleFilter:
         )
         reason = self.skip(recording, survey, site)
         if reason or not isinstance(survey, Survey):
-            raise InputError(
-                "recording and survey", reason, "Give gyroscope, odometer, strengths and fingerprints"
-            )
+            raise refusal("recording and survey", reason)
         length = check_stack(recording, site, beacons=False)
         steps = increments(downsample(recording, factor=self.downsampling))
         mixture = self.mixture(recording.time_s, steps.moving)

@@ -20,6 +20,9 @@ side; so does a limit, unless the claim says that it is ``exact``, as in "below 
 The best setting of a sweep is one of those tried: it is not rounded, and its interval ends at settings
 that were tried.
 
+An interval that is wider than twice the printed number takes almost any number in: a claim that is
+reproduced in it says so, ``a wide interval: a weak test``.
+
 Before worlds decide a condition, the paper's own printed numbers are put into it: where none of the
 numbers that they stand for fulfil it, the claim ``contradicts itself``. A number that set a free
 parameter is ``calibrated``. Fewer than 39 worlds give no 95 % interval: then a printed number outside
@@ -55,6 +58,9 @@ VERDICTS = (
     "not testable",
     "undecided",
 )
+WIDE = 2.0
+"""An interval as wide as so many times the printed number tests it weakly."""
+
 COLUMNS = ["claim", "paper", "study", "where", "what", "unit"]
 COLUMNS += ["printed", "rebuilt", "low", "high", "worlds", "verdict", "reason"]
 
@@ -194,11 +200,12 @@ def _value(claim: Mapping[str, Any], values: NDArray[np.float64]) -> dict[str, A
     half = _half_unit(claim["printed"])
     span = f"{_short(interval.low)} to {_short(interval.high)}"
     covers = f"the central {100 * interval.coverage:.0f} % of single experiments over {n} worlds"
+    weak = "; a wide interval: a weak test" if interval.high - interval.low > WIDE * abs(printed) else ""
     if interval.low <= printed <= interval.high:
-        reason = f"inside {span}, {covers}"
+        reason = f"inside {span}, {covers}{weak}"
         return _row(values.mean(), interval, n, "reproduced", _with_note(reason, claim))
     if interval.low - half <= printed <= interval.high + half:
-        reason = f"rounds to the end of {span}, {covers}"
+        reason = f"rounds to the end of {span}, {covers}{weak}"
         return _row(values.mean(), interval, n, "reproduced", _with_note(reason, claim))
     distance = printed - values.mean()
     spread = (

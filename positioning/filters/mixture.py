@@ -292,7 +292,7 @@ def median_cut(position_m: Array, clusters: int) -> Clusters:
     See Atia et al., section 5.4, which names the method without its details. A box is cut by rank, so that
     all stacked sets are cut alike: one that will hold an even number of clusters in its middle, any other
     where the shares of samples and clusters agree. Clusters have equal numbers of samples, give or take one.
-    Of equal coordinates, either may come first.
+    Of equal coordinates, as copies have them at rest, the first one lies below: on every machine alike.
 
     Parameters
     ----------
@@ -309,51 +309,66 @@ def median_cut(position_m: Array, clusters: int) -> Clusters:
     samples = position_m.shape[-1]
     check_settings(clusters=(clusters, 1, samples))
     place = np.reshape(position_m, (-1, 2, samples))
-    order = np.broadcast_to(np.arange(samples), (len(place), samples)).copy()
     first, levels = _cuts(samples, int(clusters))
-    rows = np.arange(len(place))[:, None, None]
-    for level in levels:
-        members = order[:, level.slots]
-        x_m, y_m = place[rows, 0, members], place[rows, 1, members]
-        wide = np.ptp(x_m, axis=-1) >= np.ptp(y_m, axis=-1)
-        side_m = np.where(wide[..., None], x_m, y_m)
-        side_m[:, level.filling] = np.inf
-        # A cut needs no sorting: only what lies below it and what above.
-        ranks = np.argpartition(side_m, level.ranks, axis=-1)
-        sorted_out = np.take_along_axis(members, ranks, axis=-1)
-        order[:, level.slots[~level.filling]] = sorted_out[:, ~level.filling]
-    return Clusters(order.reshape(*position_m.shape[:-2], samples), first)
+    # Sorted once along each axis: a cut along one keeps the order along both. Sorts that are not stable
+    # order copies as the processor has it.
+    own = samples * np.arange(len(place))[:, None]
+    by_x, by_y = (own + np.argsort(place[:, axis], axis=-1, kind="stable") for axis in range(2))
+    x_m, y_m = (place[:, axis].ravel() for axis in range(2))
+    below = np.empty(x_m.size, dtype=np.bool_)
+    order = by_x
+    for number, level in enumerate(levels, start=1):
+        wide = _extent(x_m, by_x, level) >= _extent(y_m, by_y, level)
+        along_x = np.repeat(wide, level.sizes, axis=-1)
+        order = np.where(along_x, by_x, by_y)
+        if number == len(levels):
+            break
+        # In its own order a box is cut where it is; in the other one, both parts keep theirs.
+        other = np.where(along_x, by_y, by_x)
+        below[order] = level.below
+        lower = below[other].ravel()
+        parted = np.empty_like(other)
+        parted[:, level.under] = other.compress(lower).reshape(len(place), -1)
+        parted[:, level.above] = other.compress(~lower).reshape(len(place), -1)
+        by_x, by_y = np.where(along_x, order, parted), np.where(along_x, parted, order)
+    return Clusters((order - own).reshape(*position_m.shape[:-2], samples), first)
 
 
 class _Level(NamedTuple):
-    """Boxes that are cut at the same time.
+    """All boxes at a time, one behind the other: where they begin and end, and the samples of each, [boxes].
 
-    ``slots`` [boxes, most] are their places in the order, filled up with their first where ``filling``;
-    ``ranks`` are those of all cuts, and of the first that fills up.
+    ``below`` [p] tells what lies below a cut, ``under`` and ``above`` are the places that do and do not. A
+    box that is one cluster is not cut any more: all of it is below.
     """
 
-    slots: Index
-    filling: NDArray[np.bool_]
-    ranks: list[int]
+    begin: Index
+    last: Index
+    sizes: Index
+    below: NDArray[np.bool_]
+    under: Index
+    above: Index
 
 
 @lru_cache(maxsize=16)
 def _cuts(samples: int, clusters: int) -> tuple[Index, list[_Level]]:
     first = np.arange(clusters + 1) * samples // clusters
     boxes, levels = [(0, clusters)], []
-    while boxes := [(low, high) for low, high in boxes if high - low > 1]:
-        middles = [(low + high) // 2 for low, high in boxes]
-        begin = np.array([first[low] for low, _ in boxes])
-        size = np.array([first[high] for _, high in boxes]) - begin
-        filling = np.arange(size.max()) >= size[:, None]
-        slots = begin[:, None] + np.where(filling, 0, np.arange(size.max()))
-        # What fills up a smaller box must not come before its own samples either.
-        ranks = {int(first[middle] - start) for middle, start in zip(middles, begin, strict=True)}
-        ranks |= set(size[size < size.max()].tolist())
-        levels.append(_Level(slots, filling, sorted(ranks)))
-        halves = zip(boxes, middles, strict=True)
-        boxes = [box for (low, high), middle in halves for box in ((low, middle), (middle, high))]
+    while any(high - low > 1 for low, high in boxes):
+        # Of a single cluster the lower half is empty, and its cut is its end.
+        halves = [((low, (low + high) // 2), ((low + high) // 2, high)) for low, high in boxes]
+        begin, end = (first[[box[side] for box in boxes]] for side in range(2))
+        cut = np.array([first[low[1] if low[0] < low[1] else high[1]] for low, high in halves])
+        below = np.arange(samples) < np.repeat(cut, end - begin)
+        levels.append(
+            _Level(begin, end - 1, end - begin, below, np.flatnonzero(below), np.flatnonzero(~below))
+        )
+        boxes = [part for both in halves for part in both if part[0] < part[1]]
     return first[:-1], levels
+
+
+def _extent(values: Array, order: Index, level: _Level) -> Array:
+    """Return the length of each box along the axis that its samples are sorted by, [r, boxes]."""
+    return np.asarray(values[order[:, level.last]] - values[order[:, level.begin]])
 
 
 def representative_distance(position_m: Array, target_m: Array, clusters: int | None) -> tuple[Array, int]:
@@ -491,6 +506,12 @@ def filter_drive(
     )
     for name, factor in zip(("weight_prediction", "weight_wifi"), factors, strict=True):
         check_settings(**{f"least {name}": (np.min(factor[~ended]), 0, np.inf)})
+    if (factors.prediction + factors.wifi == 0).any():
+        raise InputError(
+            "weight_prediction and weight_wifi",
+            "both are zero, so that no sample has a weight",
+            "Give one of them more than zero",
+        )
     added = round(mixture.from_wifi * particles)
     position_m = np.full((count, epochs, 2), np.nan)
     covariance_m2 = np.full((count, epochs, 2, 2), np.nan)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from positioning.errors import InputError
+from positioning.errors import InputError, check_whole
 from positioning.filters import particle_filter
 from positioning.filters.resampling import effective_sample_size
 from positioning.model import Array, Calibration, Recording, Site, Survey, Track, Truth
@@ -209,15 +209,25 @@ def check_locatable(recording: Recording, survey: Survey | Calibration | None, s
         )
 
 
+WHOLE = ("clusters", "downsampling", "headings", "particles", "scan_every")
+"""Settings that count something."""
+
+
 def check_settings(**least: tuple[Any, float, float]) -> None:
     """Refuse settings outside their limits: ``name=(value, least, most)``.
+
+    Those of `WHOLE` must be whole numbers.
 
     Raises
     ------
     InputError
-        Naming the first setting that is outside.
+        Naming the first setting that is outside, or no number.
     """
     for name, (value, lowest, highest) in least.items():
+        if name in WHOLE:
+            check_whole(name, value)
+        if np.asarray(value).dtype.kind not in "iuf":
+            raise InputError(f"{name}={value!r}", "it is not a number", "Correct the setting")
         if not (np.asarray(value) >= lowest).all() or not (np.asarray(value) <= highest).all():
             raise InputError(
                 f"{name}={value}", f"it must be from {lowest:g} to {highest:g}", "Correct the setting"

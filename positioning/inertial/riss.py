@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from positioning.errors import InputError
+from positioning.errors import InputError, Reason, refusal
 from positioning.inertial.earth import EARTH_RATE_RAD_PER_S, meridian_radius_m, normal_radius_m
 from positioning.model import Array, Recording
 
@@ -21,6 +21,8 @@ LEAST_REST_S = 1.0
 """The gyroscope is calibrated at a first rest of at least this; assumed."""
 MOST_OUTSIDE_S = 1.0
 """The first and the last reading are held for at most this, before and after; assumed."""
+MOST_DROPPED_S = 2.0
+"""A drop-out of the odometer is bridged for at most this; assumed."""
 
 # Each pass shrinks what the position feeds back to the azimuth by distance over radius of the earth.
 _PASSES = 2
@@ -165,7 +167,7 @@ def mechanise(
     Raises
     ------
     InputError
-        For shapes that do not fit each other.
+        For shapes that do not fit each other, or edges that decrease.
     """
     edges, gyro, speed = (np.asarray(v, np.float64) for v in (edge_s, gyro_rad_per_s, speed_m_per_s))
     if gyro.shape != speed.shape or edges.shape != (*gyro.shape[:-1], gyro.shape[-1] + 1):
@@ -174,6 +176,9 @@ def mechanise(
             f"their shapes {edges.shape}, {gyro.shape} and {speed.shape} are not [m + 1], [m] and [m]",
             "Give one edge more than readings",
         )
+    with np.errstate(invalid="ignore"):
+        unordered = ~(np.diff(edges, axis=-1) >= 0)
+    _refuse("edge_s", unordered, "the time decreases or is missing after it", "Sort by time, without NaN")
     start_azimuth, start_latitude, start_longitude, earth_rate = (
         np.asarray(v, dtype=np.float64)[..., None]
         for v in (azimuth_rad, latitude_rad, longitude_rad, earth_rate_rad_per_s)
@@ -207,7 +212,8 @@ def downsample(recording: Recording, *, factor: int = 2) -> Recording:
     Parameters
     ----------
     recording
-        With ``motion_time_s``, ``gyro_rad_per_s`` and ``odometer_m_per_s``, each [r, m].
+        Stack with ``motion_time_s``, ``gyro_rad_per_s`` and ``odometer_m_per_s``, each [r, m]; of a single
+        recording `positioning.filters.plane.with_leading_axis` makes one.
     factor
         Size of the groups.
 
@@ -255,7 +261,8 @@ def first_rest(recording: Recording) -> Rest:
     Parameters
     ----------
     recording
-        Stack with readings of the motion [r, m].
+        Stack with readings of the motion [r, m]; of a single recording
+        `positioning.filters.plane.with_leading_axis` makes one.
 
     Raises
     ------
@@ -285,7 +292,7 @@ def readings(recording: Recording) -> Readings:
     """Return what the sensors read between the epochs of a stack, as they read it.
 
     See Atia et al., section 2. Drop-outs of the odometer are bridged by the last speed, and by zero before
-    the first.
+    the first, for at most ``MOST_DROPPED_S``.
 
     Parameters
     ----------
@@ -338,7 +345,8 @@ def increments(recording: Recording) -> Increments:
     Parameters
     ----------
     recording
-        Stack with epochs [r, n] and readings of the motion [r, m].
+        Stack with epochs [r, n] and readings of the motion [r, m]; of a single recording
+        `positioning.filters.plane.with_leading_axis` makes one.
 
     Raises
     ------
@@ -421,10 +429,35 @@ def move(
 
 
 def motion_missing(recording: Recording) -> str:
-    """Say which readings of the motion a recording lacks; empty where it has all."""
+    """Say which readings of the motion a recording lacks; empty where it has all.
+
+    See Atia et al., section 2.
+
+    Parameters
+    ----------
+    recording
+        With readings of the motion [..., m]. An odometer without any reading lacks, and one that has
+        dropped out for more than ``MOST_DROPPED_S``.
+    """
     names = ("motion_time_s", "gyro_rad_per_s", "odometer_m_per_s")
     missing = [name for name in names if getattr(recording, name) is None]
-    return f"there are no readings of the motion ({', '.join(missing)})" if missing else ""
+    if missing:
+        return Reason(
+            f"there are no readings of the motion ({', '.join(missing)})", f"Give {', '.join(names)}"
+        )
+    time_s, odometer = (np.asarray(getattr(recording, name), dtype=np.float64) for name in names[::2])
+    if odometer.shape != time_s.shape or not odometer.size:
+        return ""
+    asked = ~np.isnan(time_s)
+    if (asked.any(axis=-1) & ~(asked & ~np.isnan(odometer)).any(axis=-1)).any():
+        return Reason("the odometer has no reading", "Give odometer_m_per_s, NaN for drop-outs only")
+    dropped_s = _longest_drop_out_s(time_s, odometer)
+    if dropped_s <= MOST_DROPPED_S * (1 + 1e-9):
+        return ""
+    return Reason(
+        f"the odometer has dropped out for {dropped_s:.3g} s, more than {MOST_DROPPED_S:g} s",
+        "Fill odometer_m_per_s from another source, or cut the recording there",
+    )
 
 
 def check_motion(recording: Recording) -> tuple[Array, Array, Array, NDArray[np.intp]]:
@@ -433,12 +466,12 @@ def check_motion(recording: Recording) -> tuple[Array, Array, Array, NDArray[np.
     Raises
     ------
     InputError
-        For readings that are missing or do not fit each other, fewer than two of them, times that are
-        infinite, missing in between, repeated or decreasing, or readings that are not finite (but for
-        drop-outs of the odometer, NaN).
+        For readings that are missing (see `motion_missing`) or do not fit each other, fewer than two of them,
+        times that are infinite, missing in between, repeated or decreasing, or readings that are not finite
+        (but for drop-outs of the odometer, NaN).
     """
     if reason := motion_missing(recording):
-        raise InputError("recording", reason, "Give all three")
+        raise refusal("recording", reason)
     time_s, gyro, odometer = (
         np.asarray(getattr(recording, name), dtype=np.float64)
         for name in ("motion_time_s", "gyro_rad_per_s", "odometer_m_per_s")
@@ -470,7 +503,9 @@ def check_motion(recording: Recording) -> tuple[Array, Array, Array, NDArray[np.
 def _check_times(name: str, time_s: Array, recordings: int, least: int) -> NDArray[np.intp]:
     if time_s.ndim != 2 or len(time_s) != recordings:
         raise InputError(
-            name, f"its shape is {time_s.shape}, not ({recordings}, any)", "Give one row a recording"
+            name,
+            f"its shape is {time_s.shape}, not ({recordings if time_s.ndim == 2 else 'recordings'}, any)",
+            "Give one row a recording; positioning.filters.plane.with_leading_axis makes a stack of one",
         )
     there = ~np.isnan(time_s)
     length = np.count_nonzero(there, axis=1)
@@ -503,6 +538,21 @@ def _edges(time_s: Array, length: NDArray[np.intp]) -> Array:
     edge_s[rows, length] = time_s[rows, length - 1] + half_s[rows, length - 2]
     edge_s[np.arange(edge_s.shape[1]) > length[:, None]] = np.nan
     return edge_s
+
+
+def _longest_drop_out_s(time_s: Array, odometer_m_per_s: Array) -> float:
+    """Return how long the odometer of any recording [..., m] was away at a stretch, seconds."""
+    times_s, speed = time_s.reshape(-1, time_s.shape[-1]), odometer_m_per_s.reshape(-1, time_s.shape[-1])
+    behind = np.isnan(times_s)
+    length = np.count_nonzero(~behind, axis=1)
+    dropped = np.isnan(speed) & ~behind
+    # Times that are wrong are told by `check_motion`.
+    if not dropped.any() or (length < 2).any() or behind[np.arange(behind.shape[1]) < length[:, None]].any():
+        return 0.0
+    edge_s = _edges(times_s, length)
+    last = np.maximum.accumulate(np.where(dropped, -1, np.arange(dropped.shape[1])), axis=1)
+    away_s = edge_s[:, 1:] - np.take_along_axis(edge_s, last + 1, axis=1)
+    return float(away_s[dropped].max())
 
 
 def _bridged(odometer_m_per_s: Array) -> Array:

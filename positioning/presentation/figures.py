@@ -60,7 +60,7 @@ def draw(results: StudyResults) -> list[Drawn]:
     results
         What the workflow made of the study.
     """
-    with drawing():
+    with drawing(results.rows):
         module = f"{__package__}.studies.{results.study}"
         if find_spec(module) is not None:
             drawn: list[Drawn] = import_module(module).draw(results)
@@ -84,6 +84,8 @@ def save(drawn: Iterable[Drawn], folder: str | Path) -> None:
     with drawing():
         for item in drawn:
             item.figure.savefig(Path(folder) / f"{item.name}.svg", metadata={"Date": None, "Creator": None})
+            # Both files have the one layout; it is not sought again.
+            item.figure.set_layout_engine("none")
             item.figure.savefig(Path(folder) / f"{item.name}.pdf", metadata={"CreationDate": None})
             captions.append(
                 {"name": item.name, "title": item.title, "caption": item.caption, "alt": item.alt}
@@ -107,7 +109,7 @@ def default_figures(results: StudyResults) -> list[Drawn]:
                 figure=figure,
                 title=f"Error distribution, {family}",
                 caption="Share of position errors up to a given size, all samples pooled:"
-                f" {counted(results, family)}.",
+                f" {counted(results, family)}.{differ(results, [family])}",
                 alt=distribution_alt(results, family, rows),
             )
         )
@@ -126,9 +128,13 @@ def default_figures(results: StudyResults) -> list[Drawn]:
             name="mean_error",
             figure=figure,
             title="Mean error",
-            caption="Mean position error; the line is where single experiments lie. "
+            caption=(
+                "Mean position error; the line is where single experiments lie. "
+                if any(len(per_world(results, f, row)) > 1 for f in families for row in results.rows)
+                else "Mean position error. "
+            )
             + "; ".join(f"{family}: {counted(results, family)}" for family in families)
-            + ".",
+            + f".{differ(results, families)}",
             alt="; ".join(means_alt(results, family, measured_rows(results, family)) for family in families),
         )
     )
@@ -166,10 +172,33 @@ def per_world(results: StudyResults, family: str, row: str, metric: str = "mean_
 
 
 def counted(results: StudyResults, family: str) -> str:
-    """Return in words how many samples and worlds a family has."""
-    row = measured_rows(results, family)[0]
-    worlds, samples = len(per_world(results, family, row)), int(per_world(results, family, row, "n")[0])
-    return f"n = {samples} samples" + (f" in each of {worlds} worlds" if worlds > 1 else " in one world")
+    """Return in words how many samples and worlds a family has; rows that have others are named."""
+    rows = measured_rows(results, family)
+    worlds = max(len(per_world(results, family, row)) for row in rows)
+    return sample_counts(results, family, rows) + (f" in each of {worlds} worlds" if worlds > 1 else "")
+
+
+def sample_counts(results: StudyResults, family: str, rows: Sequence[str]) -> str:
+    """Return in words how many samples rows have: the number of most rows, then those that have another."""
+    counts: dict[int, list[str]] = {}
+    for row in rows:
+        counts.setdefault(int(per_world(results, family, row, "n")[0]), []).append(row)
+    most = max(counts, key=lambda count: len(counts[count]))
+    others = [f"{count} of {', '.join(own)}" for count, own in sorted(counts.items()) if count != most]
+    return f"n = {most} samples" + (f" ({'; '.join(others)})" if others else "")
+
+
+def differ(results: StudyResults, families: Iterable[str], rows: Iterable[str] | None = None) -> str:
+    """Return the sentence that rows with other samples need, empty where all have the same."""
+    kept = None if rows is None else set(rows)
+    for family in families:
+        own = [row for row in measured_rows(results, family) if kept is None or row in kept]
+        if len({int(per_world(results, family, row, "n")[0]) for row in own}) > 1:
+            return (
+                " Rows with another n answer at other samples, so their errors do not compare one to one:"
+                " the paired differences do."
+            )
+    return ""
 
 
 def published(results: StudyResults) -> dict[tuple[str, str], dict[str, str]]:

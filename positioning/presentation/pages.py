@@ -370,8 +370,8 @@ def _paired(frame: pd.DataFrame, family: str, against: str) -> list[dict[str, An
     return [
         {
             "algorithm": line["algorithm"],
-            "difference": tables.decimals(line["difference_m"], least=3),
-            "span": " to ".join(tables.decimals(line[end], least=3) for end in ("low_m", "high_m")),
+            "difference": tables.metres(line["difference_m"]),
+            "span": " to ".join(tables.metres(line[end]) for end in ("low_m", "high_m")),
             "share": f"{100 * line['share_smaller']:.0f} %",
             "n": int(line["n"]),
             "unit": line["unit"] + "s",
@@ -393,23 +393,26 @@ def _times(report: Report, family: str, rows: Sequence[Row]) -> list[dict[str, A
 
 
 def _seconds(seconds: float) -> str:
-    return f"{seconds:.3g}" if seconds < 100 else f"{seconds:.0f}"
+    if seconds < 1:
+        return f"{1000 * seconds:.2g} ms" if seconds < 0.0995 else f"{1000 * seconds:.0f} ms"
+    return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
 
 
 def _claim(line: Mapping[str, Any], kinds: Mapping[str, str]) -> dict[str, Any]:
     printed, kind = str(line["printed"]), kinds.get(str(line["claim"]), "")
     share = kind in ("ordering", "ratio", "bound")
     rebuilt, low, high = (float(line[name]) for name in ("rebuilt", "low", "high"))
+    least = 0 if line["unit"] in tables.COUNTS else 2
     return {
         **line,
         "kind": kind,
         "printed": f"{printed} {line['unit']}".strip() if printed else "",
         "rebuilt": f"{100 * rebuilt:.0f} % of worlds"
         if share and rebuilt == rebuilt
-        else tables.decimals(rebuilt, printed),
+        else tables.decimals(rebuilt, printed, least),
         "span": f"{100 * low:.0f} to {100 * high:.0f} %"
         if share and low == low
-        else tables.span(low, high, printed),
+        else tables.span(low, high, printed, least),
         "worlds": tables.worlds_text(line["worlds"]),
     }
 
@@ -455,7 +458,13 @@ def _entry(name: str, value: Mapping[str, Any]) -> dict[str, Any]:
         "task": tables.task(value),
         "protocol": tables.protocol(value),
         "is_control": is_control(name),
+        "meaning": _inside_a_sentence(value.get("meaning", "")),
     }
+
+
+def _inside_a_sentence(text: str) -> str:
+    """Return a sentence with a small letter in front and without its full stop."""
+    return text[:1].lower() + text[1:].removesuffix(".")
 
 
 def _sweeps(sweeps: Mapping[str, Any]) -> list[dict[str, str]]:

@@ -70,7 +70,7 @@ def _distributions(
         title=f"Distribution of the {quantity} error in each recording",
         caption=f"Share of {quantity} errors up to a given size; the number of samples, n, stands"
         f" above each panel, each recording is one world.{SAMPLE[quantity]} The axes differ, because the"
-        " sites differ in size.",
+        f" sites differ in size.{_different(results, families, rows)}",
         alt=" ".join(
             figures.distribution_alt(results, family, _rows(results, family, rows)) for family in families
         ),
@@ -106,9 +106,20 @@ def _means(results: StudyResults, families: Sequence[str], rows: Sequence[str], 
         title=f"Mean {quantity} error of each algorithm and recording",
         caption=f"Mean {quantity} error; the line is one standard error to either side, which takes samples"
         " of one site for independent. n stands above each panel, each recording is one world; a row"
-        f" without a dot did not run.{SAMPLE[quantity]}",
+        f" without a dot did not run.{SAMPLE[quantity]}{_different(results, families, rows)}",
         alt=" ".join(figures.means_alt(results, family, _rows(results, family, rows)) for family in families),
     )
+
+
+def _different(results: StudyResults, families: Sequence[str], rows: Sequence[str]) -> str:
+    """Return in words which rows have another number of samples, and what that means."""
+    own = {family: _rows(results, family, rows) for family in families}
+    told = [
+        f"{family}: {words}"
+        for family in families
+        if "(" in (words := figures.sample_counts(results, family, own[family]))
+    ]
+    return f" {'; '.join(told)}.{figures.differ(results, families, rows)}" if told else ""
 
 
 def _rows(results: StudyResults, family: str, rows: Sequence[str]) -> list[str]:

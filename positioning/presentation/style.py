@@ -1,8 +1,12 @@
 """The look of figures and pages: one colour an algorithm, one tone a verdict, the same bytes every time."""
 
 import colorsys
-from collections.abc import Iterator
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cache
 from typing import Any, NamedTuple
 from zlib import crc32
 
@@ -61,19 +65,31 @@ KNOWN: dict[str, Stroke] = {
     "riss": Stroke("#8a6d00", "-", "v"),
     "wifi_full": Stroke("#0070b8", "-", "s"),
     "wifi_full_scaled": Stroke("#4a9ad0", "--", "s"),
-    "wifi_fos": Stroke("#c63a14", "-", "o"),
+    "wifi_fos": Stroke("#cd1dcd", "-", "o"),
     "wifi_pca": Stroke("#7a3b8f", "--", "o"),
     "wifi_strongest": Stroke("#5a6b00", "-.", "o"),
     "wifi_random": Stroke("#6f6f6f", ":", "o"),
     "adaptive_fast_mixture": Stroke("#00704f", "-", "D"),
     "adaptive_mixture_full": Stroke("#3aa57f", "--", "D"),
     "fast_mixture": Stroke("#a05a8a", "-.", "D"),
-    "mixture": Stroke("#003f7f", ":", "D"),
-    "plain": Stroke("#cc7400", "-", "^"),
+    "mixture": Stroke("#1d1dcd", ":", "D"),
+    "plain": Stroke("#7d1236", "-", "^"),
     "plain_wide": Stroke("#8c5200", "--", "^"),
     "kalman_3": Stroke("#2c1f80", "-", "P"),
     "kalman_5": Stroke("#7666c8", "--", "P"),
     "kalman_5_full": Stroke("#aa4488", "-.", "P"),
+    "wknn_fos_64": Stroke("#052161", "-", "o"),
+    "wknn_fos_16": Stroke("#1740a1", "--", "o"),
+    "wknn_fos_4": Stroke("#4c7ae6", ":", "o"),
+    "wknn_pca_64": Stroke("#610561", "-", "s"),
+    "wknn_pca_16": Stroke("#a117a1", "--", "s"),
+    "wknn_pca_4": Stroke("#cc66cc", ":", "s"),
+    "wknn_strongest_64": Stroke("#056105", "-", "^"),
+    "wknn_strongest_16": Stroke("#138613", "--", "^"),
+    "wknn_strongest_4": Stroke("#36a136", ":", "^"),
+    "wknn_random_64": Stroke("#613005", "-", "v"),
+    "wknn_random_16": Stroke("#a15717", "--", "v"),
+    "wknn_random_4": Stroke("#bc712f", ":", "v"),
     "control_calibrated_riss": Stroke("#444444", "-.", "x"),
     "control_oracle": Stroke("#000000", "--", "*"),
     "control_centre": Stroke("#767676", "--", "+"),
@@ -149,29 +165,69 @@ _SETTINGS: dict[Any, Any] = {
 }
 
 
+_CHOSEN: ContextVar[Mapping[str, Stroke]] = ContextVar("chosen", default={})  # noqa: B039 - never changed
+
+
 @contextmanager
-def drawing() -> Iterator[None]:
-    """Draw in the project's style, whatever the user's own settings are; these come back afterwards."""
-    with mpl.rc_context():
-        mpl.rcdefaults()
-        for name, value in _SETTINGS.items():
-            mpl.rcParams[name] = value
-        yield
+def drawing(rows: Iterable[str] = ()) -> Iterator[None]:
+    """Draw in the project's style, whatever the user's own settings are; these come back afterwards.
+
+    Parameters
+    ----------
+    rows
+        Rows that are drawn together: those that are not in `KNOWN` get the strokes of `strokes`.
+    """
+    token = _CHOSEN.set(strokes(rows))
+    try:
+        with mpl.rc_context():
+            mpl.rcdefaults()
+            for name, value in _SETTINGS.items():
+                mpl.rcParams[name] = value
+            yield
+    finally:
+        _CHOSEN.reset(token)
+
+
+def strokes(rows: Iterable[str]) -> dict[str, Stroke]:
+    """Return how rows are drawn beside each other: as `KNOWN`, others unlike all before them.
+
+    Parameters
+    ----------
+    rows
+        Their names. Each that is not in `KNOWN` takes, in this order, the colour that is farthest from those
+        in use, and the line style and marker that are used least.
+    """
+    rows = list(rows)
+    found = {name: KNOWN[name] for name in rows if name in KNOWN}
+    for name in rows:
+        if name not in found:
+            used = [_lab(look.color) for look in found.values()]
+            color = max(_COLORS, key=lambda color: _nearest(color, used))
+            lines, markers = (
+                Counter(getattr(look, k) for look in found.values()) for k in ("line", "marker")
+            )
+            found[name] = Stroke(
+                color,
+                min(("-", "--", "-.", ":"), key=lines.__getitem__),
+                min("osD^v<>PX", key=markers.__getitem__),
+            )
+    return {name: found[name] for name in rows}
 
 
 def stroke(name: str) -> Stroke:
-    """Return how an algorithm is drawn; the same name gives the same stroke in every figure.
+    """Return how an algorithm is drawn; the same name gives the same stroke in all figures of a study.
 
     Parameters
     ----------
     name
-        The row's name. One that is not in `KNOWN` gets a colour out of its own letters.
+        The row's name. One that is neither in `KNOWN` nor among the rows of `drawing` gets a colour out of
+        its own letters.
     """
-    if name in KNOWN:
-        return KNOWN[name]
+    chosen = _CHOSEN.get()
+    if name in KNOWN or name in chosen:
+        return KNOWN[name] if name in KNOWN else chosen[name]
     code = crc32(name.encode())
-    red, green, blue = colorsys.hls_to_rgb((code % 360) / 360, 0.34 + 0.02 * (code // 360 % 5), 0.55)
-    color = "#" + "".join(f"{round(255 * part):02x}" for part in (red, green, blue))
+    color = _hls((code % 360) / 360, 0.34 + 0.02 * (code // 360 % 5), 0.55)
     return Stroke(color, ("-", "--", "-.")[code // 1800 % 3], "osD^v<>PX"[code // 5400 % 9])
 
 
@@ -186,7 +242,47 @@ def contrast(first: str, second: str) -> float:
     return (high + 0.05) / (low + 0.05)
 
 
+def difference(first: str, second: str) -> float:
+    """Return how different two colours ``#rrggbb`` look: their distance in CIE L*a*b*; 2 is just seen."""
+    return _nearest(first, [_lab(second)])
+
+
+def _nearest(color: str, others: Iterable[tuple[float, float, float]]) -> float:
+    return min((round(math.dist(_lab(color), other), 3) for other in others), default=0.0)
+
+
+@cache
+def _lab(color: str) -> tuple[float, float, float]:
+    red, green, blue = _linear(color)
+    # Of sRGB to CIE XYZ as shares of the white point D65.
+    x = (0.4124 * red + 0.3576 * green + 0.1805 * blue) / 0.9505
+    y = 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    z = (0.0193 * red + 0.1192 * green + 0.9505 * blue) / 1.089
+    f, g, h = (part ** (1 / 3) if part > 0.008856 else 7.787 * part + 16 / 116 for part in (x, y, z))
+    return 116 * g - 16, 500 * (f - g), 200 * (g - h)
+
+
 def _luminance(color: str) -> float:
+    red, green, blue = _linear(color)
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+def _linear(color: str) -> list[float]:
     parts = [int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)]
-    linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+    return [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+
+
+def _hls(hue: float, lightness: float, saturation: float) -> str:
+    return "#" + "".join(
+        f"{round(255 * part):02x}" for part in colorsys.hls_to_rgb(hue, lightness, saturation)
+    )
+
+
+_COLORS = [
+    color
+    for lightness in (0.38, 0.28, 0.46)
+    for saturation in (0.75, 0.4)
+    for hue in range(0, 360, 10)
+    if contrast(color := _hls(hue / 360, lightness, saturation), "#ffffff") >= 3.5
+]
+"""Colours that can be seen on white, for rows that are not known."""

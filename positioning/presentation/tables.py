@@ -52,6 +52,9 @@ HEADINGS = {
 }
 """Metrics in the order of the columns; all are metres."""
 
+COUNTS = ("candidates", "iterations", "neighbours", "neurons", "samples", "trilaterations", "weights")
+"""Units of claims that count things: told without decimals."""
+
 MARKS = {
     "reproduced": "r",
     "not reproduced": "n",
@@ -235,11 +238,16 @@ def decimals(value: float | None, printed: str = "", least: int = 2) -> str:
     return f"{value:.{digits}f}".replace("-", "\N{MINUS SIGN}")
 
 
-def span(low: float, high: float, printed: str = "") -> str:
-    """Return an interval in words, empty where there is none."""
+def metres(value: float) -> str:
+    """Return a length with two decimals, a third one below a decimetre."""
+    return decimals(value, least=2 if math.isnan(value) or abs(value) >= 0.1 else 3)
+
+
+def span(low: float, high: float, printed: str = "", least: int = 2) -> str:
+    """Return an interval in words, empty where there is none; digits as those of `decimals`."""
     if math.isnan(low) or math.isnan(high):
         return ""
-    return f"{decimals(low, printed)} to {decimals(high, printed)}"
+    return f"{decimals(low, printed, least)} to {decimals(high, printed, least)}"
 
 
 def central(worlds: int) -> str:
@@ -324,14 +332,15 @@ def ledger_markdown(claims: pd.DataFrame) -> str:
         for line in records(own):
             printed = str(line["printed"])
             unit = f" {line['unit']}" if line["unit"] and printed else ""
+            least = 0 if line["unit"] in COUNTS else 2
             lines.append(
                 [
                     code(str(line["claim"])),
                     plain(str(line["where"])),
                     plain(str(line["what"])),
                     plain(printed + unit),
-                    decimals(float(line["rebuilt"]), printed),
-                    span(float(line["low"]), float(line["high"]), printed) or NOTHING,
+                    decimals(float(line["rebuilt"]), printed, least),
+                    span(float(line["low"]), float(line["high"]), printed, least) or NOTHING,
                     worlds_text(line["worlds"]),
                     str(line["verdict"]),
                     plain(str(line["reason"])),

@@ -14,7 +14,7 @@ from positioning.registry import Factory
 from positioning.stacks import Stack, stack
 from positioning.tasks import Outcome
 
-OPTIONS = ("fixes",)
+OPTIONS = ("fixes", "steps")
 QUANTITY = "position"
 
 
@@ -41,7 +41,8 @@ def run(
     truth
         Arrays of `Truth` for a control, else None.
     options
-        ``fixes`` names a trilateration row; its outputs then stand in the recordings already.
+        ``fixes`` names a trilateration row, ``steps`` a tracking row that finds steps; what they found stands
+        in the recordings already.
     generators
         One for every world.
 
@@ -69,6 +70,7 @@ def run(
     try:
         if hasattr(algorithm, "track_stack"):
             track = algorithm.track_stack(*given, stacked.generators)
+            _check_times(track, stacked.recording)
         else:
             track = _one_by_one(algorithm, stacked)
     except TooManyCombinations as error:
@@ -114,7 +116,9 @@ def _one_by_one(algorithm: Any, stacked: Stack) -> Track:
         recording = stacked.recording.at(index)
         count = int(np.count_nonzero(~np.isnan(recording.time_s)))
         survey = None if stacked.survey is None else stacked.survey.at(index)
-        track = algorithm.track(recording.until(count), survey, stacked.site.at(index), rng)
+        recording = recording.until(count)
+        track = algorithm.track(recording, survey, stacked.site.at(index), rng)
+        _check_times(track, recording)
         tracks.append(_filled(track, count, longest))
     return Track(
         time_s=stacked.recording.time_s,
@@ -139,6 +143,28 @@ def _filled(track: Track, count: int, longest: int) -> Track:
         covariance_m2=fill(track.covariance_m2),
         extra={name: fill(values) for name, values in track.extra.items()},
     )
+
+
+def _check_times(track: Any, recording: Recording) -> None:
+    if not isinstance(track, Track):
+        raise InputError(
+            "its answer",
+            f"it is a {type(track).__name__}, not a Track",
+            "Return positioning.model.Track(time_s=..., position_m=..., covariance_m2=...)",
+        )
+    answered_s, asked_s = np.asarray(track.time_s, dtype=float), np.asarray(recording.time_s, dtype=float)
+    if len(answered_s) != len(asked_s):
+        raise InputError(
+            "its answer",
+            f"{len(answered_s)} epochs for a recording of {len(asked_s)}",
+            "Answer for every epoch",
+        )
+    if not np.array_equal(answered_s, asked_s, equal_nan=True):
+        raise InputError(
+            "its answer, time_s",
+            "it differs from that of the recording",
+            "Answer at the epochs of the recording, in their order, with time_s=recording.time_s",
+        )
 
 
 def _check(track: Track, stacked: Stack) -> None:

@@ -1,7 +1,7 @@
 """Checks the configuration and resolves it into studies, batches of worlds and entries of tables."""
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -9,7 +9,7 @@ from typing import Any
 
 import jsonschema
 
-from planning.code import constructor_parameters
+from planning.code import constructor_parameters, first_line, missing_of_library
 from positioning.errors import InputError
 from positioning.files import read_yaml
 from positioning.registry import class_name
@@ -20,6 +20,16 @@ OPTIONS = ("use", "task", "over", "worlds")
 LIBRARY_TASK = "fingerprinting"
 CONTEXT = ("site", "truth", "random_state")
 """Constructor parameters that the workflow fills in; a line may set ``random_state`` itself."""
+PARTS = {
+    **{task: task for task in ("access_points", "fingerprinting", "ranging", "trilateration")},
+    "regressor": "fingerprinting",
+    "inertial": "tracking",
+}
+"""Constructor parameters that are algorithms themselves, and their tasks."""
+LIBRARY_PARTS = ("access_points", "fingerprinting")
+"""Tasks of parts that a library's class may do."""
+LISTED = 160
+"""Names that are possible are listed up to so many characters."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +59,12 @@ class Entry:
         """Files of the algorithm and of those that its settings build."""
         parts = [use for value in (self.parameters, self.options) for use in _nested(value)]
         return [*([self.source] if self.source else []), *dict.fromkeys(parts)]
+
+    def describe(self) -> dict[str, Any]:
+        """Return its settings; for a control also what it stands for, the first line of its class."""
+        if self.source is None or not self.is_control:
+            return self.settings()
+        return {**self.settings(), "meaning": first_line(self.source, class_name(self.use))}
 
     def settings(self) -> dict[str, Any]:
         """Everything that its results depend on, as a job's parameter."""
@@ -97,6 +113,7 @@ class Study:
             {
                 **{key: step[key] for key in ("setting", "between", "metric", "claim")},
                 "family": step.get("family"),
+                "settings": step.get("settings", {}),
                 "row": self.entries[step["algorithm"]].settings(),
                 "printed": printed[step["claim"]],
                 "seeds": [step["first_seed"] + i for i in range(step["worlds"])],
@@ -115,7 +132,7 @@ class Study:
         """Return the plan as the study's page tells it."""
         return {
             "title": self.title,
-            "entries": {name: row.settings() for name, row in self.entries.items()},
+            "entries": {name: row.describe() for name, row in self.entries.items()},
             "sweeps": {name: row.settings() for name, row in self.sweeps.items()},
             "families": self.families,
             "recordings": self.recordings,
@@ -169,7 +186,7 @@ def resolve(config: Mapping[str, Any], root: Path = Path()) -> dict[str, Study]:
         sweeps = _entries(values.get("sweeps", {}), f"{key}.sweeps", root)
         for twice in entries.keys() & sweeps.keys():
             raise InputError(f"{key}.sweeps.{twice}", "a row of the table has this name", "Rename the sweep")
-        _check_fixes({**entries, **sweeps}, entries, f"{key}.algorithms")
+        _check_built_on({**entries, **sweeps}, entries, f"{key}.algorithms")
         reference = values.get("reference", next(iter(entries)))
         _known(reference, entries, f"{key}.reference", "row of algorithms")
         study = Study(
@@ -229,8 +246,8 @@ def check_schema(value: Any, schema: Path, name: str) -> None:
         unknown = sorted(set(error.instance) - set(allowed))[0]
         raise InputError(
             f"{key}.{unknown}",
-            f"the key is unknown; allowed are {', '.join(allowed)}",
-            _nearest(unknown, allowed),
+            f"the key is unknown{_hint(unknown, allowed)}",
+            f"Allowed are {_some(unknown, allowed)}",
         )
     if error.validator == "required":
         missing = [name for name in error.validator_value if name not in error.instance]
@@ -277,15 +294,24 @@ def _entries(values: Mapping[str, Any], key: str, root: Path) -> dict[str, Entry
         where, line = f"{key}.{name}", dict(line or {})
         use = line.get("use", name)
         task = _task_of(use, line, files, where, used)
+        if task == "access_points":
+            raise InputError(
+                where,
+                f"{use} chooses access points and locates nothing, it is part of a row",
+                f"Write {name}: {{use: reduced, access_points: {{use: {use}}}}}, for a tracking study inside"
+                " {use: fingerprint_alone, fingerprinting: ...}",
+            )
         if not Path(root / f"positioning/tasks/{task}.py").is_file():
             known_tasks = sorted(path.stem for path in (root / "positioning/tasks").glob("[a-z]*.py"))
             _known(task, known_tasks, f"{where}.task", "task")
         module = import_module(f"positioning.tasks.{task}")
         if "protocol" in line and "protocol" in module.OPTIONS:
             _known(line["protocol"], module.PROTOCOLS, f"{where}.protocol", f"protocol of {task}")
-        built = {k: _with_tasks(v, files, f"{where}.{k}", root) for k, v in line.items() if k not in OPTIONS}
-        if "ranging" in module.OPTIONS and "ranging" in built:
-            _check_ranging(built["ranging"], f"{where}.ranging")
+        built = {
+            k: _with_tasks(v, files, f"{where}.{k}", root, PARTS.get(k))
+            for k, v in line.items()
+            if k not in OPTIONS
+        }
         over = line.get("over")
         entry = Entry(
             name=name,
@@ -300,45 +326,96 @@ def _entries(values: Mapping[str, Any], key: str, root: Path) -> dict[str, Entry
             _known_parameters(entry.parameters, root / entry.source, use, where)
             if entry.over:
                 _check_swept(entry.over[0], {"use": use, "task": task, **entry.parameters}, where, root)
+            _check_parts(built, files, where)
+        else:
+            _check_library(use, where)
         entries[name] = entry
     return entries
 
 
-def _check_fixes(rows: Mapping[str, Entry], entries: Mapping[str, Entry], key: str) -> None:
-    """Check that rows which build on the fixes of another one name a trilateration row with their worlds."""
-    possible = {name: entry for name, entry in entries.items() if entry.task == "trilateration"}
+BUILT_ON = {"fixes": ("trilateration", ("ranging", "trilateration")), "steps": ("tracking", ("inertial",))}
+"""Options that name another row: the task of that row, and what the row then does not need itself."""
+
+
+def _check_built_on(rows: Mapping[str, Entry], entries: Mapping[str, Entry], key: str) -> None:
+    """Check that rows which build on another one name a row of the right task with their worlds."""
     for name, row in rows.items():
-        if "fixes" in row.options:
-            _known(row.options["fixes"], possible, f"{key}.{name}.fixes", "trilateration row of this study")
-            twice = sorted({"ranging", "trilateration"} & row.parameters.keys())
+        for option in BUILT_ON.keys() & row.options.keys():
+            task, replaced = BUILT_ON[option]
+            # A row of steps stands alone: what builds on another row hands nothing up.
+            possible = {
+                n: entry
+                for n, entry in entries.items()
+                if entry.task == task and not BUILT_ON.keys() & entry.options.keys()
+            }
+            below = row.options[option]
+            _known(below, possible, f"{key}.{name}.{option}", f"{task} row of this study that stands alone")
+            twice = sorted(set(replaced) & row.parameters.keys())
             if twice:
                 raise InputError(
                     f"{key}.{name}.{twice[0]}",
-                    f"the row takes its fixes from {row.options['fixes']}, so that this would have no effect",
+                    f"the row takes its {option} from {below}, so that this would have no effect",
                     "Give one of the two",
                 )
-            worlds = possible[row.options["fixes"]].worlds
+            worlds = possible[below].worlds
             if worlds is not None and (row.worlds is None or row.worlds > worlds):
                 raise InputError(
-                    f"{key}.{name}.fixes",
-                    f"{row.options['fixes']} runs on {worlds} worlds only",
+                    f"{key}.{name}.{option}",
+                    f"{below} runs on {worlds} worlds only",
                     "Give this row no more worlds",
                 )
 
 
-def _check_ranging(value: Any, key: str) -> None:
-    """Check what a trilateration row takes its distances from."""
-    if not isinstance(value, Mapping) or value.get("task") != "ranging":
+def _check_parts(line: Mapping[str, Any], files: Mapping[str, list[str]], key: str) -> None:
+    """Check that each setting that must be an algorithm is one, of the right task."""
+    for name, task in PARTS.items():
+        part = line.get(name)
+        if part is None:
+            continue
+        possible = [use for use, tasks in files.items() if task in tasks and not use.startswith("control_")]
+        if not isinstance(part, Mapping) or "use" not in part:
+            use = part if part in possible else f"<one of {_some(str(part), possible)}>"
+            raise InputError(
+                f"{key}.{name}",
+                f"{part!r} is no {task} algorithm: the key use is missing",
+                f"Write {name}: {{use: {use}, ...}}",
+            )
+        use, own = str(part["use"]), part.get("task")
+        if own != task and not (own is None and "." in use and task in LIBRARY_PARTS):
+            raise InputError(
+                f"{key}.{name}",
+                f"{use} is no {task} algorithm" + (f" but one of {own}" if own else ""),
+                f"Use one of {_some(use, possible)}",
+            )
+
+
+def _check_library(use: str, key: str) -> None:
+    """Check that a library's class exists, as far as that shows without importing it."""
+    missing = missing_of_library(use)
+    if missing is not None:
+        name, others = missing
+        near = _hint(name.rpartition(".")[2], others)
         raise InputError(
-            key, f"{value!r} is no ranging algorithm", "Write {use: <a file of algorithms/ranging/>}"
+            f"{key}.use",
+            f"{use} cannot be imported, there is no {name}{near}",
+            "Check the dotted name, and that the library is installed",
         )
 
 
-def _tasks_of_the_study(values: Mapping[str, Any], files: Mapping[str, list[str]]) -> set[str]:
-    """Return the tasks that rows name, or whose folder alone holds their algorithm."""
-    lines = [{"use": name, **(line or {})} for name, line in values.items()]
-    named = {str(line["task"]) for line in lines if "task" in line}
-    return named | {files[line["use"]][0] for line in lines if len(files.get(line["use"], [])) == 1}
+Tasks = Mapping[str, list[str]]
+
+
+def _tasks_of_the_study(values: Mapping[str, Any], files: Mapping[str, list[str]]) -> Tasks:
+    """Return the rows of each task that rows name, or whose folder alone holds their algorithm."""
+    found: dict[str, list[str]] = {}
+    for name, line in values.items():
+        line = {"use": name, **(line or {})}
+        possible = [LIBRARY_TASK] if "." in line["use"] else files.get(line["use"], [])
+        if "task" in line:
+            found.setdefault(str(line["task"]), []).append(name)
+        elif len(possible) == 1:
+            found.setdefault(possible[0], []).append(name)
+    return found
 
 
 def _task_of(
@@ -346,7 +423,7 @@ def _task_of(
     line: Mapping[str, Any],
     files: Mapping[str, list[str]],
     key: str,
-    used: Iterable[str] = (),
+    used: Tasks,
 ) -> str:
     """Return the task of an algorithm: as the line says, else where its file stands.
 
@@ -354,25 +431,52 @@ def _task_of(
     """
     if "." in use:
         return str(line.get("task", LIBRARY_TASK))
-    _known(use, files, key, "algorithm")
+    if use not in files:
+        # Of the tasks of the study first: a long list of all others helps nobody.
+        own = [name for name, tasks in files.items() if set(tasks) & used.keys()]
+        elsewhere = _nearest(use, own) is None and _nearest(use, files) is not None
+        _known(use, files if elsewhere or not own else own, key, "algorithm")
     if "task" in line:
         _known(str(line["task"]), files[use], f"{key}.task", f"task of {use}")
         return str(line["task"])
     possible = files[use] if len(files[use]) == 1 else [task for task in files[use] if task in used]
-    if len(possible) != 1:
-        raise InputError(key, f"{use} exists for the tasks {', '.join(files[use])}", "Add task: to the line")
-    return possible[0]
+    if len(possible) == 1:
+        return possible[0]
+    fewest, *others = sorted((used[task] for task in possible), key=len) or [[]]
+    if others and len(fewest) < len(others[0]):
+        odd = next(task for task in possible if used[task] is fewest)
+        most = next(task for task in possible if used[task] is others[-1])
+        inside = "Put its line inside a tracker, {use: fingerprint_alone, fingerprinting: {use: ...}}"
+        as_part = inside if (odd, most) == ("fingerprinting", "tracking") else "Take it out"
+        raise InputError(
+            f"{key.rpartition('.')[0]}.{fewest[0]}",
+            f"it is a {odd} row among those of {most}, and {use} exists for both",
+            f"{as_part}, or add task: to {use}",
+        )
+    raise InputError(key, f"{use} exists for the tasks {', '.join(files[use])}", "Add task: to the line")
 
 
-def _with_tasks(value: Any, files: Mapping[str, list[str]], key: str, root: Path) -> Any:
+def _with_tasks(
+    value: Any, files: Mapping[str, list[str]], key: str, root: Path, task: str | None = None
+) -> Any:
     """Check a setting that is itself an algorithm, however deep, and add the task of each."""
     if not isinstance(value, Mapping):
         return value
-    built = {k: _with_tasks(part, files, f"{key}.{k}", root) for k, part in value.items()}
-    if "use" in built and "." not in built["use"]:
-        built["task"] = _task_of(built["use"], built, files, key)
-        source = root / f"algorithms/{built['task']}/{built['use']}.py"
-        _known_parameters([k for k in built if k not in ("use", "task")], source, built["use"], key)
+    built = {
+        str(k): _with_tasks(part, files, f"{key}.{k}", root, PARTS.get(str(k))) for k, part in value.items()
+    }
+    if "use" not in built:
+        return built
+    use = built["use"]
+    if not isinstance(use, str) or not use:
+        raise InputError(f"{key}.use", f"{use!r} is no name of an algorithm", "Name a file or a class")
+    if "." in use:
+        _check_library(use, key)
+        return built
+    built["task"] = _task_of(use, built, files, key, {} if task is None else {task: []})
+    source = root / f"algorithms/{built['task']}/{use}.py"
+    _known_parameters([k for k in built if k not in ("use", "task")], source, use, key)
+    _check_parts(built, files, key)
     return built
 
 
@@ -437,10 +541,10 @@ def _check_synthetic(study: Study, paper: Mapping[str, Any], root: Path) -> None
     for number, calibration in enumerate(study.calibrate):
         where = f"{key}.calibrate[{number}]"
         _known(calibration["algorithm"], study.entries, f"{where}.algorithm", "row of algorithms")
-        if "fixes" in study.entries[calibration["algorithm"]].options:
+        if BUILT_ON.keys() & study.entries[calibration["algorithm"]].options.keys():
             raise InputError(
                 f"{where}.algorithm",
-                f"{calibration['algorithm']} builds on the fixes of another row",
+                f"{calibration['algorithm']} builds on another row",
                 "Calibrate on a row that stands alone",
             )
         _known(calibration["claim"], claims, f"{where}.claim", "claim of the paper")
@@ -456,7 +560,11 @@ def _check_synthetic(study: Study, paper: Mapping[str, Any], root: Path) -> None
                 f"{claim['id']} speaks of {claim.get('quantity')}, the calibration of {hits}",
                 "Name the claim whose printed number the calibration shall reach",
             )
-        _known(calibration["setting"], next(iter(study.families.values())), f"{where}.setting", "setting")
+        settings = next(iter(study.families.values()))
+        _known(calibration["setting"], settings, f"{where}.setting", "setting")
+        for name in calibration.get("settings", {}):
+            others = [other for other in settings if other != calibration["setting"]]
+            _known(name, others, f"{where}.settings", "other setting")
         ranges.append((where, calibration["first_seed"], calibration["worlds"]))
     for i, (name, first, count) in enumerate(ranges):
         for other, other_first, other_count in ranges[i + 1 :]:
@@ -474,11 +582,27 @@ def _known(value: str, allowed: Iterable[str], key: str, what: str) -> None:
     if value not in allowed:
         raise InputError(
             key,
-            f"there is no {what} named {value!r}; known are {', '.join(allowed)}",
-            _nearest(value, allowed),
+            f"there is no {what} named {value!r}{_hint(value, allowed)}",
+            f"Known are {_some(value, allowed)}" if allowed else "There is none to choose from",
         )
 
 
-def _nearest(value: str, allowed: Iterable[str]) -> str:
-    near = difflib.get_close_matches(value, list(allowed), n=1, cutoff=0.5)
-    return f"Did you mean {near[0]!r}?".rstrip("?") if near else "Use one of these"
+def _nearest(value: str, allowed: Iterable[str]) -> str | None:
+    return next(iter(difflib.get_close_matches(value, list(allowed), n=1, cutoff=0.5)), None)
+
+
+def _hint(value: str, allowed: Iterable[str]) -> str:
+    """Return the end of a sentence that asks for the nearest of the allowed names."""
+    near = _nearest(value, allowed)
+    return "" if near is None else f"; did you mean {near!r}"
+
+
+def _some(value: str, allowed: Sequence[str]) -> str:
+    """Return a line of the allowed names; where they are too many, the nearest ones."""
+    if len(", ".join(allowed)) <= LISTED:
+        return ", ".join(allowed)
+    order = sorted(allowed, key=lambda name: -difflib.SequenceMatcher(None, value, name).ratio())
+    shown = [order[0]]
+    while len(", ".join([*shown, order[len(shown)]])) <= LISTED:
+        shown.append(order[len(shown)])
+    return f"{', '.join(shown)} and {len(order) - len(shown)} more"

@@ -77,14 +77,18 @@ def worlds_file(name):
     return lambda w: f"{DATA}/{study_of(w).kind}/{w.study}/{w.batch}/{name}.npz"
 
 
-def fixes_of(wildcards):
-    """The estimates of the trilateration row that a tracking row builds on; often none."""
-    row = row_of(wildcards).options.get("fixes")
-    return (
-        f"{RESULTS}/estimates/{wildcards.study}/{row}/{wildcards.batch}.npz"
-        if row
-        else []
-    )
+def built_on(option):
+    """The estimates of the row whose fixes or steps a tracking row builds on; often none."""
+
+    def files(wildcards):
+        row = row_of(wildcards).options.get(option)
+        return (
+            f"{RESULTS}/estimates/{wildcards.study}/{row}/{wildcards.batch}.npz"
+            if row
+            else []
+        )
+
+    return files
 
 
 def of_all_rows(pattern):
@@ -126,6 +130,13 @@ def study_outputs(study):
         f"{RESULTS}/figures/{study}",
         f"{REPORTS}/{study}.html",
     ]
+
+
+def latest_page():
+    """The page that was written last, in a list; the front page comes after those of all studies."""
+    names = [*STUDIES, "index"]
+    there = [page for n in names if (page := Path(REPORTS) / f"{n}.html").is_file()]
+    return sorted(there, key=lambda page: page.stat().st_mtime)[-1:]
 
 
 def claims_of(study):

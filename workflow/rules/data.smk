@@ -23,6 +23,7 @@ rule calibrate:
         f"{RESULTS}/logs/calibrate/{{study}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/calibrate/{{study}}.tsv"
+    threads: 2
     conda:
         ENVIRONMENT
     params:

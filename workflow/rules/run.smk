@@ -5,7 +5,8 @@ rule run:
     input:
         observed=worlds_file("observed"),
         truth=lambda w: worlds_file("truth")(w) if row_of(w).is_control else [],
-        fixes=fixes_of,
+        fixes=built_on("fixes"),
+        steps=built_on("steps"),
         code=lambda w: code(
             *row_of(w).sources,
             f"positioning/tasks/{row_of(w).task}.py",

@@ -1,7 +1,11 @@
 """Find the one free setting at which a baseline has its printed number, on worlds of its own."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
+from functools import partial
 from importlib import import_module
+from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -16,57 +20,72 @@ from positioning.registry import factory
 from positioning.seeds import stream
 from positioning.simulation.settings import calibrated_settings
 
-TOLERANCE = 1e-3
+DIGITS = 3
+"""Decimals of a setting that are told apart."""
+
+NEAR = 1e-3
+"""Share of the printed number within which it counts as reached."""
 
 
 def main(
-    study: str, families: Mapping[str, Mapping[str, Any]], steps: Sequence[Mapping[str, Any]], output: str
+    study: str,
+    families: Mapping[str, Mapping[str, Any]],
+    steps: Sequence[Mapping[str, Any]],
+    processes: int,
+    output: str,
 ) -> None:
     """Calibrate one setting after the other, each with those before it that hold in its family of worlds.
 
-    A step that names no family calibrates in the first one, for all. Every trial draws the same random
-    numbers, so that two trials differ by the setting alone.
+    Worlds are shared out among ``processes``; what comes out does not depend on their number.
+
+    A step that names no family calibrates in the first one, for all; settings of its own hold in its
+    calibration worlds only. Every trial draws the same random numbers, so that two trials differ by the
+    setting alone.
 
     Raises
     ------
     InputError
         Where the printed number lies outside what the setting's range gives.
     """
-    simulate = import_module(f"positioning.simulation.{study}").simulate
     found: list[dict[str, Any]] = []
-    for step in steps:
-        family = step["family"] or next(iter(families))
-        settings = {**families[family], **calibrated_settings(found, family)}
-        found.append(calibrate(study, simulate, family, settings, step))
+    # Forked, so that what is imported here need not be imported again.
+    several = processes > 1
+    with ProcessPoolExecutor(processes, get_context("fork")) if several else nullcontext() as pool:
+        for step in steps:
+            family = step["family"] or next(iter(families))
+            settings = {**families[family], **calibrated_settings(found, family), **step["settings"]}
+            found.append(calibrate(study, family, settings, step, pool.map if pool else map, processes))
     write_json(output, found)
 
 
 def calibrate(
     study: str,
-    simulate: Callable[..., Worlds],
     family: str,
     settings: Mapping[str, Any],
     step: Mapping[str, Any],
+    spread: Callable[..., Iterable[list[float]]],
+    processes: int,
 ) -> dict[str, Any]:
-    """Return one calibrated setting, and how it was found."""
+    """Return one calibrated setting, and how it was found.
+
+    The search ends where the printed number is near, or two values of the setting are too close to tell.
+    """
     row, seeds, target = step["row"], step["seeds"], float(step["printed"])
-    task = import_module(f"positioning.tasks.{row['task']}")
-    make = factory(row["use"], row["task"], row["parameters"])
+    shares = [[int(seed) for seed in share] for share in np.array_split(seeds, processes) if len(share)]
     trials: dict[float, float] = {}
 
-    def excess(value: float) -> float:
-        worlds = simulate({**settings, step["setting"]: value}, [stream(seed, study) for seed in seeds])
-        generators = [stream(seed, study, row["use"]) for seed in seeds]
-        outcome = task.run(make, worlds.observed, None, row["options"], generators)
-        if step["metric"] in METRICS:
-            errors = task.score(outcome.estimates, worlds.truth)["error_m"]
-            per_world = [figures_of_merit(error_m)[step["metric"]] for error_m in errors]
-        else:
-            per_world = own_measure(study, family, step, worlds, outcome.estimates)
-        trials[value] = float(np.mean(per_world))
-        return trials[value] - target
+    def excess(trial: float) -> float:
+        value = round(trial, DIGITS)
+        if value not in trials:
+            trials[value] = measure(value)
+        off = trials[value] - target
+        return 0.0 if abs(off) <= NEAR * abs(target) else off
 
-    low, high = (float(end) for end in step["between"])
+    def measure(value: float) -> float:
+        tried = partial(per_world, study, family, {**settings, step["setting"]: value}, step)
+        return float(np.mean([x for share in spread(tried, shares) for x in share]))
+
+    low, high = (round(float(end), DIGITS) for end in step["between"])
     if excess(low) * excess(high) > 0:
         raise InputError(
             f"{study}, calibration of {step['setting']}",
@@ -74,28 +93,47 @@ def calibrate(
             f" {high}, the printed {step['printed']} is not between them",
             "Widen `between` in config/config.yaml",
         )
-    value = round(float(brentq(excess, low, high, xtol=TOLERANCE)), 3)
+    value = round(float(brentq(excess, low, high, xtol=10**-DIGITS)), DIGITS)
+    excess(value)
     return {
         "setting": step["setting"],
         "family": step["family"],
+        "settings": dict(step["settings"]),
         "value": value,
         "row": row["name"],
         "metric": step["metric"],
         "claim": step["claim"],
         "printed": step["printed"],
-        "reached": round(excess(value) + target, 4),
+        "reached": round(trials[value], 4),
         "worlds": len(seeds),
         "first_seed": seeds[0],
         "settings_tried": len(trials),
     }
 
 
+def per_world(
+    study: str, family: str, settings: Mapping[str, Any], step: Mapping[str, Any], seeds: Sequence[int]
+) -> list[float]:
+    """Return the step's metric of its row, one value for each world of these seeds."""
+    row = step["row"]
+    simulate: Callable[..., Worlds] = import_module(f"positioning.simulation.{study}").simulate
+    task = import_module(f"positioning.tasks.{row['task']}")
+    worlds = simulate(settings, [stream(seed, study) for seed in seeds])
+    make = factory(row["use"], row["task"], row["parameters"])
+    generators = [stream(seed, study, row["use"]) for seed in seeds]
+    outcome = task.run(make, worlds.observed, None, row["options"], generators)
+    if step["metric"] in METRICS:
+        errors = task.score(outcome.estimates, worlds.truth)["error_m"]
+        return [figures_of_merit(error_m)[step["metric"]] for error_m in errors]
+    return own_measure(study, family, step, worlds, outcome.estimates)
+
+
 def own_measure(
     study: str, family: str, step: Mapping[str, Any], worlds: Worlds, estimates: Mapping[str, Any]
-) -> Sequence[float]:
+) -> list[float]:
     """Return a measure that the study itself defines, one value a world."""
     measures = import_module(f"positioning.evaluation.studies.{study}").measures
-    index = np.arange(len(step["seeds"]))
+    index = np.arange(len(next(iter(estimates.values()))))
     values = {f"estimate.{name}": array for name, array in estimates.items()}
     step_values = {"world": index, "value": np.asarray(np.nan), "skipped": np.asarray(""), **values}
     found = measures(
@@ -121,5 +159,6 @@ if __name__ == "__main__":
             snakemake.wildcards.study,
             snakemake.params.families,
             snakemake.params.steps,
+            snakemake.threads,
             snakemake.output[0],
         )

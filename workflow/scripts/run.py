@@ -11,14 +11,21 @@ from positioning.fixes import of_outputs
 from positioning.joblog import logging_to
 from positioning.registry import changed, factory
 from positioning.seeds import stream
+from positioning.steps import of_extra
 
 
 def main(
-    study: str, row: Mapping[str, Any], observed: str, truth: str | None, fixes: str | None, output: str
+    study: str,
+    row: Mapping[str, Any],
+    observed: str,
+    truth: str | None,
+    built_on: Mapping[str, str],
+    output: str,
 ) -> None:
     """Write ``<family>/<step>/<name>`` for every family of worlds and every step of a sweep.
 
-    ``fixes`` are the estimates of the trilateration row that a tracking row builds on.
+    ``built_on`` are the estimates of rows that this one builds on: ``fixes`` those of a trilateration row,
+    ``steps`` those of a tracking row.
 
     Raises
     ------
@@ -29,18 +36,21 @@ def main(
     setting, steps = row["over"] or (None, [None])
     stacks = read_tree(observed)
     truths = read_tree(truth) if truth else {}
-    found = read_tree(fixes) if fixes else {}
+    found = {what: read_tree(path) for what, path in built_on.items()}
     tree: dict[str, dict[str, Any]] = {}
     for family, arrays in stacks.items():
         count = np.count_nonzero(arrays["world"] < (row["worlds"] or np.inf))
         arrays = {name: values[:count] for name, values in arrays.items()}
         seen = {name: values[:count] for name, values in truths[family].items()} if truth else None
-        if fixes:
+        for what, below in found.items():
             outputs = {
-                k.removeprefix("estimate."): v[:count] for k, v in found[f"{family}/0"].items() if v.ndim
+                k.removeprefix("estimate."): v[:count] for k, v in below[f"{family}/0"].items() if v.ndim
             }
             # Where that row was skipped, the algorithm meets the same data and gives its own reason.
-            arrays |= of_outputs(outputs, arrays["recording.time_s"]) if "output_m" in outputs else {}
+            if what == "steps":
+                arrays |= of_extra(outputs)
+            elif "output_m" in outputs:
+                arrays |= of_outputs(outputs, arrays["recording.time_s"])
         seeds = [int(seed) for seed in arrays["seed"]]
         for number, step in enumerate(steps):
             parameters = row["parameters"] if setting is None else changed(row["parameters"], setting, step)
@@ -76,6 +86,6 @@ if __name__ == "__main__":
             snakemake.params.row,
             snakemake.input.observed,
             snakemake.input.get("truth"),
-            snakemake.input.get("fixes"),
+            {what: snakemake.input[what] for what in ("fixes", "steps") if snakemake.input.get(what)},
             snakemake.output[0],
         )

@@ -77,7 +77,8 @@ def _cumulative(study: Study) -> Drawn | None:
     for axes, family in zip(panels, families, strict=True):
         figures.distribution(axes, study.results, family, rows[family])
         if printed is not None:
-            axes.plot(SHARE_M, 100 * float(printed), **_PRINTED, label="printed")
+            look = {**_PRINTED, "markeredgecolor": stroke(INTEGRATED).color}
+            axes.plot(SHARE_M, 100 * float(printed), **look, label=f"printed, {INTEGRATED}")
         axes.set_title(family)
         axes.set_xlabel("position error (m)")
     for axes in panels[1:]:
@@ -93,7 +94,7 @@ def _cumulative(study: Study) -> Drawn | None:
         figure=figure,
         title="Cumulative error at the way-points",
         caption=f"Share of errors up to a given size at the way-points, all worlds pooled: {_counted(study)}."
-        + (f" Hollow marker: the printed share of the integrated system at {SHARE_M:g} m." if printed else "")
+        + (f" Hollow diamond, in its colour: printed for {INTEGRATED} at {SHARE_M:g} m." if printed else "")
         + (f" Within {SHARE_M:g} m: {shares}." if shares else "")
         + f" {CALIBRATED}",
         alt=" ".join(figures.distribution_alt(study.results, family, rows[family]) for family in families)
@@ -124,7 +125,7 @@ def _table(study: Study) -> Drawn | None:
     return Drawn(
         name="table2",
         figure=figure,
-        title="Table 2, printed and rebuilt",
+        title="Errors of the four systems, printed and rebuilt",
         caption=f"Errors at the way-points: mean over worlds{_bars(study)}; hollow diamond: printed."
         f" {_counted(study)}. {CALIBRATED}",
         alt=" ".join(told),
@@ -356,6 +357,8 @@ def _sweeps(
     _legend(figure, panels[0], columns=3)
     bars = f"; bars: {central(worlds)}" if worlds > 1 else ""
     count = f"{worlds} worlds" if worlds > 1 else "one world"
+    if 1 < worlds < _worlds(study):
+        count = f"the first {worlds} of {_worlds(study)} worlds"
     return Drawn(
         name=name,
         figure=figure,

@@ -339,8 +339,9 @@ def _selected(drive: Drive) -> Drawn | None:
         figure=figure,
         title="The access points that FOS selects",
         caption=f"Fast orthogonal search keeps {columns} of {rss_dbm.shape[1]} access points, in the order"
-        f" of choice; n = {len(position_m)} places of the radio map, {drive.where()}. Colour: mean level of"
-        " the scans that heard the access point; hollow: not heard, which the search takes for"
+        f" of choice; columns are counted from 1. n = {len(position_m)} places of the radio map,"
+        f" {drive.where()}. Colour: mean level of the scans that heard the access point; hollow: not heard,"
+        " which the search takes for"
         f" {decimals(float(found.not_heard_dbm), least=0)} dBm (assumed).",
         alt=f"{columns} plans with the level of one access point each at {len(position_m)} places: "
         + "; ".join(told)
@@ -386,7 +387,7 @@ def _confidence(drive: Drive) -> Drawn | None:
     for axes, (words, axis) in zip(panels, AXES.items(), strict=True):
         half_m = NORMAL_95 * sigma_m[:, axis]
         axes.fill_between(
-            drive.time_s, -half_m, half_m, color=color, alpha=0.25, linewidth=0, label="95 % confidence"
+            drive.time_s, -half_m, half_m, color=color, alpha=0.25, linewidth=0, label="stated 95 %"
         )
         axes.plot(drive.time_s, error_m[:, axis], color=REFERENCE_COLOR, linewidth=1.0, label="true error")
         asked = drive.asked
@@ -510,10 +511,9 @@ def _plan(drive: Drive, name: str, row: str, title: str, note: str = "") -> Draw
         return None
     figure, (axes,) = _plans(drive, 1)
     look, place_m = stroke(row), drive.tracks[row]["position_m"]
-    dots = "" if row == RISS else "."
-    axes.plot(
-        *place_m.T, dots + "-", color=look.color, linewidth=0.7 if dots else 1.6, markersize=4, label=title
-    )
+    # Fixes jump from scan to scan: joined, they hide each other.
+    scans = row in (FULL, FOS)
+    axes.plot(*place_m.T, "." if scans else "-", color=look.color, linewidth=1.6, markersize=4, label=title)
     _way(axes, drive)
     _widen(axes, place_m)
     _legend(figure, axes)
@@ -522,7 +522,9 @@ def _plan(drive: Drive, name: str, row: str, title: str, note: str = "") -> Draw
         name=name,
         figure=figure,
         title=f"Track of {title}",
-        caption=f"Track of row {row}, {drive.counted()}, {drive.where()}. {told} Walls and way are assumed."
+        caption=f"Track of row {row}, {drive.counted()}, {drive.where()}. {told}"
+        + (" A point is the fix of a scan; they are not joined." if scans else "")
+        + " Walls and way are assumed."
         + (f" {note}" if note else ""),
         alt=f"Plan with the track of {title} beside {len(drive.waypoint_m)} way-points. {told} The track lies"
         f" between {_place(place_m.min(axis=0))} and {_place(place_m.max(axis=0))}.",
@@ -589,7 +591,8 @@ def _recording(drive: Drive) -> Recording | None:
     names = ("time_s", "motion_time_s", "gyro_rad_per_s", "odometer_m_per_s")
     if not {f"recording.{name}" for name in names} <= drive.observed.keys():
         return None
-    return Recording(**{name: drive.observed[f"recording.{name}"][None] for name in names})
+    readings: dict[str, Any] = {name: drive.observed[f"recording.{name}"][None] for name in names}
+    return Recording(**readings)
 
 
 def _readings(recording: Recording) -> tuple[Array, Array, Array]:
