@@ -24,6 +24,7 @@ from positioning.inertial.foot import FootFilter, Steps
 from positioning.inertial.strapdown import attitude_of, readings
 from positioning.model import Array, Calibration, Recording, Site, Survey, Track, Truth
 from positioning.registry import class_name
+from positioning.steps import of_extra, of_recording
 
 # Expected deviation
 
@@ -639,7 +640,9 @@ def test_answers_are_finite_until_the_end_and_covariances_can_be_ones(
     np.testing.assert_array_equal(found.time_s, WALK.recording.time_s)
     assert found.position_m.shape == (*OVER.shape, 2)
     assert {"heading_rad", "steps"} <= set(found.extra)
-    for values in (found.position_m, found.covariance_m2, *found.extra.values()):
+    # Steps have an axis of their own.
+    extra = [values for key, values in found.extra.items() if not key.startswith("step_")]
+    for values in (found.position_m, found.covariance_m2, *extra):
         assert np.isfinite(values[~OVER]).all()
         assert np.isnan(np.asarray(values, dtype=float)[OVER]).all()
     covariance = found.covariance_m2[~OVER]
@@ -663,7 +666,8 @@ def test_a_stack_gives_exactly_what_each_recording_gives_and_changes_nothing(
         np.testing.assert_array_equal(alone.covariance_m2, tracks[name].covariance_m2[run, :length])
         assert set(alone.extra) == set(tracks[name].extra)
         for key, values in alone.extra.items():
-            np.testing.assert_array_equal(values, tracks[name].extra[key][run, :length])
+            count = len(values) if key.startswith("step_") else length
+            np.testing.assert_array_equal(values, tracks[name].extra[key][run, :count])
     for part, copy in zip(WALK[:4], kept[:4], strict=True):
         for field, values in part.to_arrays().items():
             np.testing.assert_array_equal(values, copy.to_arrays()[field])
@@ -885,3 +889,23 @@ def test_skip_names_what_is_missing() -> None:
 def test_senseless_settings_are_refused_by_name(name: str, changes: dict[str, Any]) -> None:
     with pytest.raises(InputError, match=next(iter(changes))):
         walk(make(name, **changes))
+
+
+# Steps of another row
+
+
+@pytest.mark.parametrize("name", ["foot_cascaded_filter", "foot_particle_filter"])
+def test_steps_found_by_another_row_give_the_same_track(name: str, tracks: dict[str, Track]) -> None:
+    handed = {f"extra_{key}": values for key, values in tracks["foot_inertial"].extra.items()}
+    steps = {key.removeprefix("recording."): values for key, values in of_extra(handed).items()}
+    built = make(name).track_stack(replace(WALK.recording, **steps), WALK.survey, WALK.site, rngs())
+    np.testing.assert_array_equal(built.position_m, tracks[name].position_m)
+    # And they are used: without turns the track is another one.
+    steps["step_turn_rad"] = 0 * steps["step_turn_rad"]
+    other = make(name).track_stack(replace(WALK.recording, **steps), WALK.survey, WALK.site, rngs())
+    assert np.nanmax(np.abs(other.position_m - built.position_m)) > 0.1
+
+
+def test_a_row_that_was_skipped_hands_no_steps_on() -> None:
+    assert of_extra({}) == {}
+    assert of_recording(WALK.recording) is None

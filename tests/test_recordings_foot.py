@@ -15,6 +15,8 @@ from sklearn.neighbors import KNeighborsRegressor
 
 from positioning.errors import InputError
 from positioning.filters.plane import check_stack
+from positioning.geometry import rigid_fit, rotated
+from positioning.inertial.foot import FootFilter, foot_navigation
 from positioning.model import Recording, Site
 from positioning.recordings import foot_imu_corridor, foot_imu_loop, foot_imu_mocap, phone_wifi_imu_library
 from positioning.recordings.foot_imu_corridor import LEAST_SWING_S, stances
@@ -720,3 +722,25 @@ def test_library_damaged_files_are_named(tmp_path, text, message):
     (tmp_path / "train_final1" / "rss2.txt").write_text(text)
     with pytest.raises(InputError, match=rf"file train_final1/rss2\.txt: .*{message}"):
         phone_wifi_imu_library.load(tmp_path)
+
+
+@pytest.mark.slow
+@needs(MOCAP)
+def test_the_filter_with_stored_rest_labels_keeps_the_shape_of_every_trial(trials):
+    """Strapdown and error-state filter against motion capture: no trial is left out."""
+    mean_m = []
+    for name, (observed, truth) in trials.items():
+        recording, site = Recording.from_arrays(observed), Site.from_arrays(observed)
+        begin, end = truth["truth.stance_time_s"][0].T
+        time_s = recording.imu_time_s[0][:, None]
+        labelled = ((time_s >= begin) & (time_s <= end)).any(axis=1)
+        settings = FootFilter(alignment_s=0.01)
+        found = foot_navigation(recording, site, settings, rest=labelled[None]).at(recording.time_s)
+        true_m = truth["truth.position_m"]
+        asked = np.isfinite(true_m).all(axis=-1)
+        angle_rad, shift_m = rigid_fit(found.position_m[..., :2], true_m, asked)
+        fitted_m = rotated(found.position_m[..., :2], angle_rad[:, None]) + shift_m[:, None]
+        mean_m.append(np.linalg.norm(fitted_m - true_m, axis=-1)[asked].mean())
+        assert mean_m[-1] < 0.2, name
+    assert len(mean_m) == 14
+    assert np.mean(mean_m) < 0.12

@@ -15,7 +15,7 @@ from positioning.model import Array, Calibration, Recording, Site, Survey, Track
 
 
 class ControlKnownStances:
-    """The inertial filter with 15 states, and with the true stances in place of a detector.
+    """The inertial filter with the true stances in place of a detector.
 
     See Frank et al., section 3.2, whose detection of rest this leaves no error of. Where there is a survey,
     its steps are joined with WLAN as `FootCascadedFilter` does; where there is none, they make their way from
@@ -27,7 +27,7 @@ class ControlKnownStances:
         Stances of the recordings that are tracked: with a leading axis for `track_stack`, without one for
         `track`.
     inertial
-        The inertial filter, whose detector is not used; None takes `FootInertial` with 15 states.
+        The inertial filter, whose detector is not used; None takes `FootInertial` with 9 states.
     fingerprinting
         From scans to fixes; None takes the expected deviation of eq. 1.
     best_of_three
@@ -126,7 +126,7 @@ class ControlKnownStances:
         return reckon(recording, inertial, navigation)
 
     def _inertial(self) -> Any:
-        return FootInertial(states=15) if self.inertial is None else self.inertial
+        return FootInertial() if self.inertial is None else self.inertial
 
     def _fusion(self) -> FootCascadedFilter:
         own = {name: value for name, value in vars(self).items() if name not in ("truth", "inertial")}

@@ -1,7 +1,7 @@
 """A foot-mounted inertial unit alone: the step sensor, and dead reckoning with it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -57,6 +57,8 @@ class FootInertial:
         Use the magnetometer, where there is one and magnetic north is known.
     force_noise_m_per_s2_per_rt_hz, rate_noise_rad_per_s_per_rt_hz
         Densities of the noise of the readings.
+    heading_noise_rad_per_rt_s
+        Density of a random walk of the heading, for biases that 9 states do not have.
     zero_velocity_noise_m_per_s
         Of each axis at rest.
     magnetic_heading_noise_rad
@@ -66,7 +68,10 @@ class FootInertial:
     magnetic_gate
         The field does not count where its magnitude is off that of the first rest by this share.
     force_bias_m_per_s2, rate_bias_rad_per_s
-        Of what is left of the biases after the alignment, for 15 states.
+        Of the biases after the alignment, for 15 states; that of the gyroscope without the error of the mean
+        over the alignment, which is added.
+    rate_turn_on_bias_rad_per_s
+        Of the bias of the gyroscope where the alignment is too short to tell it, for 15 states.
     force_bias_walk_m_per_s2_per_rt_s, rate_bias_walk_rad_per_s_per_rt_s
         Growth of the biases, for 15 states.
     tilt_error_rad, heading_error_rad
@@ -78,8 +83,8 @@ class FootInertial:
     heading_offset_rad
         Added to all headings of the sensor: an alignment that is off by so much.
     straight_steps, straight_least_m, straight_most_rad
-        How the sensor is turned on the foot, Psi_eps of eq. 4, is the direction of the sum of the first so many
-        steps that are at least so long and turn at most so much; not printed, assumed.
+        How the sensor is turned on the foot, Psi_eps of eq. 4, is the direction of the sum of the first so
+        many steps that are at least so long and turn at most so much; not printed, assumed.
     misalignment_offset_rad
         Added to Psi_eps, to see what an error of it does.
     """
@@ -93,15 +98,17 @@ class FootInertial:
         zero_velocity: bool = True,
         magnetometer: bool = True,
         force_noise_m_per_s2_per_rt_hz: float = 0.02,
-        rate_noise_rad_per_s_per_rt_hz: float = 0.001,
+        rate_noise_rad_per_s_per_rt_hz: float = 0.0017,
+        heading_noise_rad_per_rt_s: float = 0.0,
         zero_velocity_noise_m_per_s: float = 0.01,
         magnetic_heading_noise_rad: float = 0.2,
         magnetic_interval_s: float = 1.0,
         magnetic_gate: float = 0.1,
-        force_bias_m_per_s2: float = 0.05,
-        rate_bias_rad_per_s: float = 0.002,
-        force_bias_walk_m_per_s2_per_rt_s: float = 1e-4,
-        rate_bias_walk_rad_per_s_per_rt_s: float = 1e-5,
+        force_bias_m_per_s2: float = 0.02,
+        rate_bias_rad_per_s: float = 0.00035,
+        rate_turn_on_bias_rad_per_s: float = 0.009,
+        force_bias_walk_m_per_s2_per_rt_s: float = 2e-4,
+        rate_bias_walk_rad_per_s_per_rt_s: float = 3.5e-5,
         tilt_error_rad: float = 0.005,
         heading_error_rad: float = 0.001,
         alignment_s: float = 1.0,
@@ -120,12 +127,14 @@ class FootInertial:
         self.magnetometer = magnetometer
         self.force_noise_m_per_s2_per_rt_hz = force_noise_m_per_s2_per_rt_hz
         self.rate_noise_rad_per_s_per_rt_hz = rate_noise_rad_per_s_per_rt_hz
+        self.heading_noise_rad_per_rt_s = heading_noise_rad_per_rt_s
         self.zero_velocity_noise_m_per_s = zero_velocity_noise_m_per_s
         self.magnetic_heading_noise_rad = magnetic_heading_noise_rad
         self.magnetic_interval_s = magnetic_interval_s
         self.magnetic_gate = magnetic_gate
         self.force_bias_m_per_s2 = force_bias_m_per_s2
         self.rate_bias_rad_per_s = rate_bias_rad_per_s
+        self.rate_turn_on_bias_rad_per_s = rate_turn_on_bias_rad_per_s
         self.force_bias_walk_m_per_s2_per_rt_s = force_bias_walk_m_per_s2_per_rt_s
         self.rate_bias_walk_rad_per_s_per_rt_s = rate_bias_walk_rad_per_s_per_rt_s
         self.tilt_error_rad = tilt_error_rad
@@ -155,15 +164,27 @@ class FootInertial:
         rest: ArrayLike | None = None,
         fixes: Fixes | None = None,
         start: Start | None = None,
+        heading_noise_rad_per_rt_s: float = 0.0,
     ) -> FootNavigation:
-        """Run the inertial filter on a stack; see `positioning.inertial.foot.foot_navigation`."""
+        """Run the inertial filter on a stack; see `positioning.inertial.foot.foot_navigation`.
+
+        Parameters
+        ----------
+        recording, site, rest, fixes, start
+            As there.
+        heading_noise_rad_per_rt_s
+            Added to that of the settings, as variances are.
+        """
         check_settings(
             straight_steps=(self.straight_steps, 1, 1e9),
             straight_least_m=(self.straight_least_m, 0, 1e3),
             straight_most_rad=(self.straight_most_rad, 0, 1e3),
             misalignment_offset_rad=(self.misalignment_offset_rad, -1e3, 1e3),
         )
-        return foot_navigation(recording, site, self.settings(), rest=rest, fixes=fixes, start=start)
+        settings = self.settings()
+        both = np.hypot(settings.heading_noise_rad_per_rt_s, heading_noise_rad_per_rt_s)
+        settings = replace(settings, heading_noise_rad_per_rt_s=float(both))
+        return foot_navigation(recording, site, settings, rest=rest, fixes=fixes, start=start)
 
     def misalignment_rad(self, navigation: FootNavigation) -> Array:
         """Return the direction of the walk in the frame of the sensor, [r], with the offset; Psi_eps."""

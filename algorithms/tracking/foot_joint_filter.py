@@ -31,7 +31,10 @@ class FootJointFilter:
     It starts with the first fix, as uncertain as a fix is; until then its answer is the centre of the survey.
     The sensor's heading at the start is the noted one less the misalignment, which the first straight steps
     tell as for `FootCascadedFilter`. A magnetometer, where it is used, tells the heading later on. There is
-    no noise of steps: the noise is that of the inertial readings.
+    no noise of steps: the noise is that of the inertial readings, and a random walk of the heading in place of
+    the bias of the gyroscope, which 9 states do not have. Without it the filter would trust its heading more
+    and more and no longer listen to fixes: the cascade has such noise in that of a turn, and a comparison
+    would be unfair. With 15 states the bias is one of them, and the walk is left out.
 
     Parameters
     ----------
@@ -48,6 +51,10 @@ class FootJointFilter:
         Standard deviation of the noted heading; assumed, as in `FootCascadedFilter`.
     start_heading_error_rad
         Added to the noted heading, to see what a wrong one does.
+    heading_noise_rad_per_rt_s
+        Density of that random walk. After the 400 s of a walk it is as wide, 0.2 rad, as what a bias of 0.0005
+        rad/s makes by then: that is the standard error of the bias after a rest of some 12 s, with a noise of
+        0.1 degrees a second. From the data sheet of the class of unit, assumed.
     """
 
     def __init__(
@@ -59,6 +66,7 @@ class FootJointFilter:
         sigma_wlan_m: float | None = 3.0,
         start_heading_sigma_rad: float = 0.5,
         start_heading_error_rad: float = 0.0,
+        heading_noise_rad_per_rt_s: float = 0.01,
     ) -> None:
         self.inertial = inertial
         self.fingerprinting = fingerprinting
@@ -66,6 +74,7 @@ class FootJointFilter:
         self.sigma_wlan_m = sigma_wlan_m
         self.start_heading_sigma_rad = start_heading_sigma_rad
         self.start_heading_error_rad = start_heading_error_rad
+        self.heading_noise_rad_per_rt_s = heading_noise_rad_per_rt_s
 
     def skip(self, recording: Recording, survey: Survey | Calibration | None, site: Site) -> str:
         """Say why these data cannot be tracked; empty where they can.
@@ -120,6 +129,7 @@ class FootJointFilter:
         check_settings(
             start_heading_sigma_rad=(self.start_heading_sigma_rad, 0, 1e3),
             start_heading_error_rad=(self.start_heading_error_rad, -1e3, 1e3),
+            heading_noise_rad_per_rt_s=(self.heading_noise_rad_per_rt_s, 0, 1e3),
         )
         check_fusible(self._fingerprinting(), recording, survey, site)
         length = check_stack(recording, site, beacons=False)
@@ -138,7 +148,12 @@ class FootJointFilter:
         )
         each_m2 = np.broadcast_to(fixes.covariance_m2[:, None], (count, epochs, 2, 2))
         joined = inertial.navigation(
-            recording, site, rest=alone.rest, fixes=Fixes(fixes.fix_m, each_m2), start=start
+            recording,
+            site,
+            rest=alone.rest,
+            fixes=Fixes(fixes.fix_m, each_m2),
+            start=start,
+            heading_noise_rad_per_rt_s=0.0 if inertial.states == 15 else self.heading_noise_rad_per_rt_s,
         )
         # A fix before the first reading counts with it, and so does the answer there.
         state = joined.at(np.maximum(recording.time_s, joined.time_s[:, :1]))

@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 
 from positioning.evaluation.metrics import METRICS, figures_of_merit
 from positioning.evaluation.statistics import paired_difference, single_experiment_interval
+from positioning.tasks import NOT_ASKED
 
 MEASURES = ["family", "algorithm", "value", "world", "metric", "x"]
 TABLE = ["algorithm", "family", "worlds", "n", "mean_m", "se_m", "sd_worlds_m", "rmse_m"]
 TABLE += ["p50_m", "p75_m", "p90_m", "p95_m", "max_m", "mean_low_m", "mean_high_m"]
 NO_ANSWER = "it has no solution for any sample"
+NO_TRUTH = "nobody knows the true places here; its other measures stand in the figures"
 PAIRED = ["family", "algorithm", "against", "difference_m", "low_m", "high_m", "share_smaller", "n", "unit"]
 
 
@@ -63,15 +65,23 @@ def table(
     lines = []
     keys = ["family", "algorithm", "world"]
     wide = measures.pivot_table(index=keys, columns="metric", values="x").reset_index()
+    if "n" not in wide:
+        wide["n"] = np.nan
     for family in families:
         for algorithm in rows:
+            if skipped.get((family, algorithm)) == NOT_ASKED:
+                continue
             line: dict[str, Any] = {"algorithm": algorithm, "family": family}
             line |= {
                 f"published_{metric}": published.get((family, algorithm), {}).get(metric, "")
                 for metric in metrics
             }
             worlds = wide[(wide["family"] == family) & (wide["algorithm"] == algorithm)]
-            line["note"] = skipped.get((family, algorithm), NO_ANSWER if worlds.empty else "")
+            measured, worlds = not worlds.empty, worlds[worlds["n"].notna()]
+            # Where no row of a family has an error, it is the truth that is missing.
+            unknown = measured and wide.loc[wide["family"] == family, "n"].isna().all()
+            reason = NO_TRUTH if unknown else NO_ANSWER
+            line["note"] = skipped.get((family, algorithm), reason if worlds.empty else "")
             if not line["note"]:
                 interval = single_experiment_interval(worlds["mean_m"].to_numpy(dtype=float))
                 line |= {name: worlds[name].mean() for name in METRICS}
@@ -111,6 +121,8 @@ def paired(
     lines = []
     for family in families:
         present = [row for row in rows if (errors[row]["family"] == family).any()]
+        if not present:
+            continue
         own = {row: errors[row][errors[row]["family"] == family] for row in present}
         wide = pd.concat({row: f.set_index(["world", "sample"])["error_m"] for row, f in own.items()}, axis=1)
         world = wide.index.get_level_values("world")

@@ -39,12 +39,15 @@ class ProcessNoise(NamedTuple):
         Of the readings.
     force_bias_m_per_s2_per_rt_s, rate_bias_rad_per_s_per_rt_s
         Of the random walks of their biases: standard deviation after one second.
+    heading_rad_per_rt_s
+        Of a random walk of the heading, beside that of the rate's noise.
     """
 
     force_m_per_s2_per_rt_hz: float
     rate_rad_per_s_per_rt_hz: float
     force_bias_m_per_s2_per_rt_s: float = 0.0
     rate_bias_rad_per_s_per_rt_s: float = 0.0
+    heading_rad_per_rt_s: float = 0.0
 
 
 class Increments(NamedTuple):
@@ -198,8 +201,9 @@ class ErrorStateFilter:
         self.gravity_m_per_s2 = np.broadcast_to(np.asarray(gravity_m_per_s2, np.float64), (worlds,)).copy()
         self.noise = noise
         self._density = np.zeros(self.states)
-        for part, density in zip((VELOCITY, ATTITUDE, FORCE_BIAS, RATE_BIAS), noise, strict=True):
+        for part, density in zip((VELOCITY, ATTITUDE, FORCE_BIAS, RATE_BIAS), noise[:4], strict=True):
             self._density[part] = density**2
+        self._density[8] += noise.heading_rad_per_rt_s**2
         self._transition = np.tile(np.eye(self.states), (worlds, 1, 1))
         self._position_by_velocity = np.einsum("wii->wi", self._transition[:, POSITION, VELOCITY])
         self._diagonal = np.einsum("wii->wi", self.covariance)

@@ -3,6 +3,10 @@
 See Frank et al., section 3. A strapdown navigation and an error-state filter beside it, which learns at each
 rest of the foot that the velocity is zero. What the paper leaves open (start, variances, the extent of the
 magnetometer's use) is a setting of `FootFilter`.
+
+With 9 states a bias is nowhere in the error. What the alignment leaves of that of the gyroscope, and how it
+wanders later, turns the heading by degrees in minutes, of which the variance of the heading knows nothing: it
+is too small by far after a long walk, unless ``heading_noise_rad_per_rt_s`` stands for it.
 """
 
 from collections.abc import Mapping
@@ -27,9 +31,16 @@ FORCE_AT_REST_M_PER_S2 = (8.0, 12.0)
 USUAL_FORCE_M_PER_S2 = (5.0, 40.0)
 """Where the median of a walk, or a run, lies; assumed."""
 SATURATED_SAMPLES = 5
-"""So many equal readings in a row, at the extreme of the recording, are a sensor at its limit; assumed."""
+"""So many equal readings in a row, at an extreme of an axis, are a sensor at its limit; assumed."""
 LEAST_SATURATED = {"specific_force_m_per_s2": 15.0, "angular_rate_rad_per_s": 4.0}
-"""No unit saturates below these; equal readings of a resting foot are none."""
+"""No unit saturates below these, unless it does so again and again: see ``LEAST_OFF_REST``."""
+LEAST_OFF_REST = {"specific_force_m_per_s2": 2.0, "angular_rate_rad_per_s": 0.5}
+"""An extreme that is nearer to the axis' median is that of an axis at rest, and its equal readings are none."""
+LEAST_FLAT_RUNS = 2
+"""Below ``LEAST_SATURATED`` a sensor is at its limit if it stays there so many times."""
+QUIET_SHARE = 0.25
+"""The share of readings with the least angular rate, in which a foot stands and the accelerometer reads
+gravity alone."""
 
 # Samples between two looks at the rounding, and the size of the blocks that are prepared at a time.
 _BLOCK = 256
@@ -57,7 +68,11 @@ class FootFilter:
         Density of the noise of the force; 0.02 is what OpenShoe uses (0.5 m/s^2 at 820 Hz; Nilsson et al.
         2012): ten times that of the data sheets, as it stands for scale errors in the swing too.
     rate_noise_rad_per_s_per_rt_hz
-        Density of the noise of the rate: 0.05 degrees a second on the data sheet of an MTx.
+        Density of the noise of the rate: 0.1 degrees a second, the figure of the data sheet of the class, which
+        the simulated units have too.
+    heading_noise_rad_per_rt_s
+        Density of a random walk of the heading beside that of the rate's noise, for biases that 9 states do
+        not have. None, as in the paper, where nothing tells the place but the filter itself.
     zero_velocity_noise_m_per_s
         Of each axis at rest; as OpenShoe.
     magnetic_heading_noise_rad
@@ -69,10 +84,15 @@ class FootFilter:
     magnetic_gate
         The field does not count where its magnitude is off that of the first rest by this share; assumed.
     force_bias_m_per_s2, rate_bias_rad_per_s
-        Of what is left of the biases after the alignment, for 15 states. MTx data sheet: 0.02 m/s^2, rounded
-        up; a tenth of a degree a second.
+        Of the biases, for 15 states: 0.02 m/s^2, that of the data sheet, as levelling cannot tell it from a
+        tilt; 0.02 degrees a second, by which that of a gyroscope wanders in a run. To the latter comes the
+        standard error of the mean over the alignment, which follows from the noise and the duration.
+    rate_turn_on_bias_rad_per_s
+        The same where the alignment is too short to tell that of the gyroscope: half a degree a second, what
+        it has when it is turned on.
     force_bias_walk_m_per_s2_per_rt_s, rate_bias_walk_rad_per_s_per_rt_s
-        Growth of the biases, for 15 states; assumed: some 0.002 m/s^2 and 0.01 degrees a second in minutes.
+        Growth of the biases, for 15 states: by 0.002 m/s^2 and 0.02 degrees a second, the in-run figures, in a
+        hundred seconds, their correlation time.
     tilt_error_rad
         Of roll and pitch after levelling: 0.05 m/s^2 of bias over gravity.
     heading_error_rad
@@ -81,7 +101,9 @@ class FootFilter:
     alignment_s
         The first rest that lasts at least as long is that of the alignment; assumed.
     bias_rest_s
-        The bias of the gyroscope is taken from the alignment where it lasts at least as long; assumed.
+        The bias of the gyroscope is taken from the alignment where it lasts at least as long; assumed. In a
+        second the noise leaves a tenth of a degree a second of the mean; in less, a foot that only pauses
+        would tell as bias what is a movement.
     gravity_m_per_s2
         Magnitude of gravity; None for what the accelerometer reads in the alignment, so that its error along
         the vertical does no harm.
@@ -95,15 +117,17 @@ class FootFilter:
     zero_velocity: bool = True
     magnetometer: bool = True
     force_noise_m_per_s2_per_rt_hz: float = 0.02
-    rate_noise_rad_per_s_per_rt_hz: float = 0.001
+    rate_noise_rad_per_s_per_rt_hz: float = 0.0017
+    heading_noise_rad_per_rt_s: float = 0.0
     zero_velocity_noise_m_per_s: float = 0.01
     magnetic_heading_noise_rad: float = 0.2
     magnetic_interval_s: float = 1.0
     magnetic_gate: float = 0.1
-    force_bias_m_per_s2: float = 0.05
-    rate_bias_rad_per_s: float = 0.002
-    force_bias_walk_m_per_s2_per_rt_s: float = 1e-4
-    rate_bias_walk_rad_per_s_per_rt_s: float = 1e-5
+    force_bias_m_per_s2: float = 0.02
+    rate_bias_rad_per_s: float = 0.00035
+    rate_turn_on_bias_rad_per_s: float = 0.009
+    force_bias_walk_m_per_s2_per_rt_s: float = 2e-4
+    rate_bias_walk_rad_per_s_per_rt_s: float = 3.5e-5
     tilt_error_rad: float = 0.005
     heading_error_rad: float = 0.001
     alignment_s: float = 1.0
@@ -155,8 +179,10 @@ _ABOVE_ZERO = (
 _NOT_NEGATIVE = (
     "force_noise_m_per_s2_per_rt_hz",
     "rate_noise_rad_per_s_per_rt_hz",
+    "heading_noise_rad_per_rt_s",
     "force_bias_m_per_s2",
     "rate_bias_rad_per_s",
+    "rate_turn_on_bias_rad_per_s",
     "force_bias_walk_m_per_s2_per_rt_s",
     "rate_bias_walk_rad_per_s_per_rt_s",
     "tilt_error_rad",
@@ -295,6 +321,7 @@ class _Alignment(NamedTuple):
     heading_rad: Array
     heading_error_rad: Array
     rate_bias_rad_per_s: Array
+    rate_bias_error_rad_per_s: Array
     gravity_m_per_s2: Array
     magnetic_field_ut: Array
 
@@ -574,6 +601,7 @@ def _align(recording: Recording, flags: Flags, settings: FootFilter, north_rad: 
     rate_hz = sample_rate_hz(recording)
     end = np.zeros(count, dtype=np.intp)
     force, bias = np.empty((count, 3)), np.zeros((count, 3))
+    bias_error = np.full(count, settings.rate_turn_on_bias_rad_per_s)
     field_ut = np.full((count, 3), np.nan)
     assert recording.specific_force_m_per_s2 is not None
     assert recording.angular_rate_rad_per_s is not None
@@ -591,7 +619,10 @@ def _align(recording: Recording, flags: Flags, settings: FootFilter, north_rad: 
         counted = slice(begin, begin + max(1, round(_COUNTED_SHARE_OF_REST * (end[row] - begin))))
         force[row] = np.mean(recording.specific_force_m_per_s2[row, counted], axis=0, dtype=np.float64)
         if time_s[row, end[row] - 1] - time_s[row, begin] + 1 / rate_hz[row] >= settings.bias_rest_s:
-            bias[row] = np.mean(recording.angular_rate_rad_per_s[row, counted], axis=0, dtype=np.float64)
+            rates = np.asarray(recording.angular_rate_rad_per_s[row, counted], dtype=np.float64)
+            bias[row] = rates.mean(axis=0)
+            of_mean = settings.rate_noise_rad_per_s_per_rt_hz / np.sqrt(len(rates) / rate_hz[row])
+            bias_error[row] = np.hypot(of_mean, settings.rate_bias_rad_per_s)
         if north_rad is not None and recording.magnetic_field_ut is not None:
             seen = np.asarray(recording.magnetic_field_ut[row, counted], dtype=np.float64)
             seen = seen[np.isfinite(seen).all(axis=-1)]
@@ -613,7 +644,8 @@ def _align(recording: Recording, flags: Flags, settings: FootFilter, north_rad: 
         heading = np.where(np.isfinite(found), found, heading)
         error = np.where(np.isfinite(found), settings.magnetic_heading_noise_rad, error)
     gravity = magnitude if settings.gravity_m_per_s2 is None else np.full(count, settings.gravity_m_per_s2)
-    return _Alignment(end, roll, pitch, heading, error, bias, gravity, np.linalg.norm(field_ut, axis=-1))
+    field = np.linalg.norm(field_ut, axis=-1)
+    return _Alignment(end, roll, pitch, heading, error, bias, bias_error, gravity, field)
 
 
 def _engine(
@@ -642,7 +674,7 @@ def _engine(
         (slice(3, 6), settings.zero_velocity_noise_m_per_s),
         (slice(6, 8), settings.tilt_error_rad),
         (slice(9, 12), settings.force_bias_m_per_s2),
-        (slice(12, 15), settings.rate_bias_rad_per_s),
+        (slice(12, 15), aligned_.rate_bias_error_rad_per_s),
     ):
         for state in range(settings.states)[part]:
             covariance[:, state, state] = sigma**2
@@ -654,7 +686,10 @@ def _engine(
         attitude=attitude_of(aligned_.roll_rad, aligned_.pitch_rad, heading),
         covariance=covariance,
         noise=ProcessNoise(
-            settings.force_noise_m_per_s2_per_rt_hz, settings.rate_noise_rad_per_s_per_rt_hz, *walks
+            settings.force_noise_m_per_s2_per_rt_hz,
+            settings.rate_noise_rad_per_s_per_rt_hz,
+            *walks,
+            settings.heading_noise_rad_per_rt_s,
         ),
         gravity_m_per_s2=aligned_.gravity_m_per_s2,
     )
@@ -827,17 +862,25 @@ def _fix(engine: ErrorStateFilter, rows: NDArray[np.intp], fix_m: Array, root: A
 
 
 def _check_force_units(recording: Recording, length: NDArray[np.intp]) -> None:
-    """Refuse a specific force whose usual magnitude is far from that of gravity."""
+    """Refuse a specific force that is not in m/s^2, or that lacks gravity."""
     assert recording.specific_force_m_per_s2 is not None
+    assert recording.angular_rate_rad_per_s is not None
+    low, high = USUAL_FORCE_M_PER_S2
     for row, count in enumerate(length):
         force = np.asarray(recording.specific_force_m_per_s2[row, :count], dtype=np.float64)
-        usual = float(np.median(np.linalg.norm(force, axis=-1)))
-        low, high = USUAL_FORCE_M_PER_S2
-        if low <= usual <= high:
+        rate = np.asarray(recording.angular_rate_rad_per_s[row, :count], dtype=np.float64)
+        magnitude, turning = np.linalg.norm(force, axis=-1), np.linalg.norm(rate, axis=-1)
+        quiet = float(np.median(magnitude[turning <= np.quantile(turning, QUIET_SHARE)]))
+        usual = float(np.median(magnitude))
+        if low <= usual <= high and quiet >= low:
             continue
-        limit, cure = "gravity is 9.8 m/s^2", "Check units and calibration, and leave gravity in"
+        limit, cure = "gravity is 9.8 m/s^2", "Check units and calibration"
+        # Readings without gravity have any magnitude in a walk, also one of 1, but hardly any in a stance.
+        if quiet < min(low, 0.5 * usual):
+            limit = f"it is {quiet:.3g} where the foot stands: gravity has been taken off"
+            cure = "Give what the accelerometer reads, with gravity in it"
         for unit, scale in (("g", GRAVITY_M_PER_S2), ("mg", GRAVITY_M_PER_S2 / 1000)):
-            if low <= usual * scale <= high:
+            if FORCE_AT_REST_M_PER_S2[0] <= quiet * scale <= FORCE_AT_REST_M_PER_S2[1]:
                 limit, cure = f"that is gravity in {unit}, not in m/s^2", f"Multiply by {scale}"
         raise InputError(
             f"recording.specific_force_m_per_s2[{row}]", f"its median magnitude is {usual:.3g}; {limit}", cure
@@ -852,13 +895,19 @@ def _refuse_limits(name: str, values: Array, row: int) -> None:
             "These look like degrees a second: multiply by pi / 180",
         )
     for axis in range(3):
-        part = np.abs(values[:, axis])
-        extreme = part.max()
-        if extreme < LEAST_SATURATED[name] or np.count_nonzero(part == extreme) < SATURATED_SAMPLES:
-            continue
-        stuck = spans((part == extreme)[None])[0]
-        flat = stuck[stuck[:, 1] - stuck[:, 0] >= SATURATED_SAMPLES]
-        if len(flat):
+        part = values[:, axis]
+        for extreme in (part.min(), part.max()):
+            at_extreme = part == extreme
+            # A look at the few readings there is cheaper than runs of all.
+            if np.count_nonzero(at_extreme) < SATURATED_SAMPLES:
+                continue
+            stuck = spans(at_extreme[None])[0]
+            flat = stuck[stuck[:, 1] - stuck[:, 0] >= SATURATED_SAMPLES]
+            if not len(flat):
+                continue
+            off_rest = abs(extreme - np.median(part)) >= LEAST_OFF_REST[name]
+            if abs(extreme) < LEAST_SATURATED[name] and not (off_rest and len(flat) >= LEAST_FLAT_RUNS):
+                continue
             raise InputError(
                 f"recording.{name}[{row}, {int(flat[0, 0])}, {axis}]",
                 f"it stays at its extreme, {extreme:.4g}, for {int(flat[0, 1] - flat[0, 0])} readings: the"

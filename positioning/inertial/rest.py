@@ -31,8 +31,9 @@ def acceleration_magnitude(
     See Frank et al., section 3.2. Causal: a sample tells of itself and of samples before. Width and time are
     not in the paper. Assumed: a tenth of gravity, which is far above noise and bias of such units (some
     0.02 m/s^2), and a fifth of a second, less than half of an ordinary stance; in a tenth a swinging foot
-    often keeps within the band by chance. Of nine round pairs it is the one that counted simulated strides
-    best.
+    often keeps within the band by chance. Of nine pairs, widths of 0.5, 1 and 2 m/s^2 with 0.1, 0.15 and 0.2
+    s, it is the one whose count of steps came nearest to that of strides in four simulated walks, with
+    generators seeded 100 to 103, of which no table knows. Places were not looked at.
 
     Parameters
     ----------
@@ -88,7 +89,8 @@ def shoe(
     See Skog et al. (2010), IEEE Trans. Biomed. Eng. 57(11), eq. 22: the generalised likelihood ratio test
     of gravity in the mean direction of the window, and no rotation. All samples of a window that passes
     rest, so it looks ahead by one window at most. The sigmas are those of OpenShoe (Nilsson et al. 2012). Its
-    threshold, 3e4, cuts simulated stances with a wobble in two; the next round one does not.
+    threshold, 3e4, cuts stances with a wobble in two, in the four simulated walks of
+    `acceleration_magnitude`; 1e5, the only other one that was tried, does not.
 
     Parameters
     ----------

@@ -49,7 +49,8 @@ def load(folder: str | Path, *, walk: int = 31, align_strides: int = 3) -> World
     """Load one walk: readings of the foot's sensors, and the place of each footprint.
 
     The control points have no times: the k-th one is where the foot stands after its k-th stride. They are
-    paired with the stances in order, so an epoch is the middle of a stance. Stances are found from the
+    paired with the stances in order, so an epoch is the last reading of a stance: in its middle a detector,
+    which tells of a stance some time after it began, may not have the step to it. Stances are found from the
     gyroscope alone: its root mean square over 0.075 s is below 1 rad/s, and no swing is shorter than 0.4 s.
     The plain gate also finds the middle of some swings, once or twice a walk, and a rule on the
     accelerometer finds too few stances of the fast walk 34; this one finds one more than strides in all four
@@ -112,7 +113,7 @@ def load(folder: str | Path, *, walk: int = 31, align_strides: int = 3) -> World
 
     site = Site(corner_m=np.stack([control_m.min(axis=0), control_m.max(axis=0)])[None])
     recording = Recording(
-        time_s=readings.time_s[(begin + end - 1) // 2][None],
+        time_s=readings.time_s[end - 1][None],
         imu_time_s=readings.time_s[None],
         specific_force_m_per_s2=readings.force_m_per_s2[None],
         angular_rate_rad_per_s=readings.rate_rad_per_s[None],

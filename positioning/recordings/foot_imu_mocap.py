@@ -73,10 +73,10 @@ class _Trial(NamedTuple):
 
 
 class _Standing(NamedTuple):
-    """Stances by the tracker: index of the first reading and of the middle one, [k], and place, [k, 2], m."""
+    """Stances by the tracker: index of the first and of the last still reading, [k], and place, [k, 2], m."""
 
     begin: NDArray[np.intp]
-    middle: NDArray[np.intp]
+    last: NDArray[np.intp]
     place_m: Array
 
 
@@ -107,10 +107,12 @@ def load(
     """Load one trial: readings of the foot's sensors, and where the foot truly was.
 
     Every twentieth reading is an epoch, at 200 Hz one every 0.1 s; the true place is the tracker's at that
-    reading, of the foot and not of the body. Or epochs are the middles of the stances, as what reckons by
-    steps knows places at stances only; the true place is then the median over the stance. These stances are
-    those of the tracker: speed below 0.3 m/s for 0.05 s, and 0.3 m from the stance before. With 0.5 m/s they
-    are as many; with 0.2 m/s for 0.1 s most stances of the running trials are missed.
+    reading, of the foot and not of the body. Or epochs are the last still readings of the stances: what
+    reckons by steps knows places at stances only, and a detector tells of a stance some time after it began,
+    so that in its middle the step to it may still be missing. The true place is then the median over the
+    stance. These stances are those of the tracker: speed below 0.3 m/s for 0.05 s, and 0.3 m from the stance
+    before; a foot that is still again nearer to it is in the same stance. With 0.5 m/s they are as many; with
+    0.2 m/s for 0.1 s most stances of the running trials are missed.
 
     Two frames need a turn. The unit hangs upside down: x stays, y and z change their sign, so that the
     specific force at rest points up along z. Then x is forward along the foot to about 10 degrees, but in the
@@ -139,7 +141,7 @@ def load(
         The trial, by the time of its start, as in ``NAMES``. In those of 2017-11-22 from 11-49-03 on the
         foot rests for less than a second before it moves.
     epochs
-        ``all`` or ``stances``.
+        ``all`` or ``stances``, the last still reading of each.
     labels
         Which labels are the true stances, which are not those of the epochs: ``best`` (those that the
         publishers found best in this trial), ``vicon``, ``shoe``, ``ared``, ``amvd`` or ``mbgtd``.
@@ -182,7 +184,7 @@ def load(
     start = start_of("foot_imu_mocap", standing.place_m, align_strides)
 
     if epochs == "stances":
-        epoch, path_m = standing.middle, standing.place_m
+        epoch, path_m = standing.last, standing.place_m
         scored = np.arange(len(epoch)) > align_strides
     else:
         epoch = np.arange(0, len(trial.time_s), EPOCH_READINGS)
@@ -272,16 +274,20 @@ def _standing(time_s: Array, foot_m: Array, held: NDArray[np.bool_]) -> _Standin
     index = np.arange(len(time_s))
     before, after = np.maximum(index - STILL_SPAN, 0), np.minimum(index + STILL_SPAN, len(time_s) - 1)
     speed_m_per_s = np.linalg.norm(foot_m[after] - foot_m[before], axis=1) / (time_s[after] - time_s[before])
-    bounds: list[tuple[int, int]] = []
+    begin: list[int] = []
+    still: list[int] = []
     place_m: list[Array] = []
     for first, last in zip(*runs_of((speed_m_per_s < STILL_M_PER_S) & ~held), strict=True):
         here_m = np.median(foot_m[first:last, :2], axis=0)
-        stays = time_s[last - 1] - time_s[first] >= STILL_S
-        if stays and (not place_m or np.linalg.norm(here_m - place_m[-1]) > LEAST_STRIDE_M):
-            bounds.append((first, (first + last - 1) // 2))
-            place_m.append(here_m)
-    begin, middle = np.reshape(np.array(bounds, dtype=np.intp), (-1, 2)).T
-    return _Standing(begin, middle, np.reshape(place_m, (-1, 2)))
+        if time_s[last - 1] - time_s[first] < STILL_S:
+            continue
+        if place_m and np.linalg.norm(here_m - place_m[-1]) <= LEAST_STRIDE_M:
+            still[-1] = last - 1
+            continue
+        begin.append(first)
+        still.append(last - 1)
+        place_m.append(here_m)
+    return _Standing(np.array(begin, np.intp), np.array(still, np.intp), np.reshape(place_m, (-1, 2)))
 
 
 def _mean_of_runs(

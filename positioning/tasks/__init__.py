@@ -15,6 +15,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+NOT_ASKED = "its line names other families of worlds"
+"""Why a row has no answer in a family that its line leaves out; tables do not list it there."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:

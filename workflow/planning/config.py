@@ -16,7 +16,7 @@ from positioning.registry import class_name
 
 SCHEMAS = Path("workflow/schemas")
 PAPERS = Path("data/papers")
-OPTIONS = ("use", "task", "over", "worlds")
+OPTIONS = ("use", "task", "over", "worlds", "families")
 LIBRARY_TASK = "fingerprinting"
 CONTEXT = ("site", "truth", "random_state")
 """Constructor parameters that the workflow fills in; a line may set ``random_state`` itself."""
@@ -43,6 +43,7 @@ class Entry:
     options: dict[str, Any]
     over: tuple[str, tuple[float, ...]] | None = None
     worlds: int | None = None
+    families: tuple[str, ...] = ()
 
     @property
     def source(self) -> str | None:
@@ -76,6 +77,7 @@ class Entry:
             "options": self.options,
             "over": None if self.over is None else [self.over[0], list(self.over[1])],
             "worlds": self.worlds,
+            "families": list(self.families),
         }
 
 
@@ -203,6 +205,10 @@ def resolve(config: Mapping[str, Any], root: Path = Path()) -> dict[str, Study]:
             calibrate=values.get("calibrate", []),
             families={} if "recordings" in values else _families(values, paper, name),
         )
+        for row in study.rows.values():
+            for family in row.families:
+                known = study.families or study.recordings
+                _known(family, known, f"{key}.algorithms.{row.name}.families", "family of worlds")
         if "recordings" not in values:
             _check_synthetic(study, paper, root)
         studies[name] = study
@@ -321,6 +327,7 @@ def _entries(values: Mapping[str, Any], key: str, root: Path) -> dict[str, Entry
             options={k: v for k, v in built.items() if k in module.OPTIONS},
             over=None if over is None else next((k, tuple(v)) for k, v in over.items()),
             worlds=line.get("worlds"),
+            families=tuple(line.get("families", ())),
         )
         if entry.source is not None:
             _known_parameters(entry.parameters, root / entry.source, use, where)

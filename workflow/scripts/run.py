@@ -12,6 +12,7 @@ from positioning.joblog import logging_to
 from positioning.registry import changed, factory
 from positioning.seeds import stream
 from positioning.steps import of_extra
+from positioning.tasks import NOT_ASKED, Outcome
 
 
 def main(
@@ -53,6 +54,9 @@ def main(
                 arrays |= of_outputs(outputs, arrays["recording.time_s"])
         seeds = [int(seed) for seed in arrays["seed"]]
         for number, step in enumerate(steps):
+            if row["families"] and family not in row["families"]:
+                tree[f"{family}/{number}"] = _step(arrays, step, Outcome(skipped=NOT_ASKED))
+                continue
             parameters = row["parameters"] if setting is None else changed(row["parameters"], setting, step)
             try:
                 # The stream hangs on the algorithm's own name, so that variants of it draw alike.
@@ -69,14 +73,18 @@ def main(
                     f" {family} worlds {arrays['world'].tolist()} (seeds {seeds}):"
                     f" {type(error).__name__}: {error}"
                 ) from error
-            tree[f"{family}/{number}"] = {
-                "world": arrays["world"],
-                "value": np.asarray(np.nan if step is None else step, dtype=float),
-                "seconds": outcome.seconds,
-                "skipped": np.asarray(outcome.skipped),
-                **{f"estimate.{name}": values for name, values in outcome.estimates.items()},
-            }
+            tree[f"{family}/{number}"] = _step(arrays, step, outcome)
     write_tree(output, tree)
+
+
+def _step(arrays: Mapping[str, Any], step: float | None, outcome: Outcome) -> dict[str, Any]:
+    return {
+        "world": arrays["world"],
+        "value": np.asarray(np.nan if step is None else step, dtype=float),
+        "seconds": outcome.seconds,
+        "skipped": np.asarray(outcome.skipped),
+        **{f"estimate.{name}": values for name, values in outcome.estimates.items()},
+    }
 
 
 if __name__ == "__main__":

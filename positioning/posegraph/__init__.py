@@ -1,0 +1,1 @@
+"""Graphs of poses: what ties them, how far they contradict it, and the poses that contradict it least."""

@@ -1,0 +1,681 @@
+"""Poses that contradict the edges of a graph least: Levenberg-Marquardt on sparse normal equations.
+
+See Gu et al., eqs. 3 to 5; Madsen, Nielsen & Tingleff (2004), "Methods for Non-Linear Least Squares
+Problems", section 3.2, for the damping. The cost is that of the paper, without a factor of one half.
+
+Damping must not stiffen what the weak edges hold alone. A walk as a whole is held by its proximity edges,
+whose curvature may be a million times below that of its steps; damping in proportion to the diagonal of all
+edges stops the walk, and the search with it, far from the minimum. Here the damping of a pose is in
+proportion to what its proximity edges could pull, with that of the steps scaled down to the same level, and
+before the search stops it tries a step that is hardly damped.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
+
+from positioning.errors import InputError
+from positioning.model import Array
+from positioning.posegraph.graph import PoseGraph
+from positioning.posegraph.residuals import (
+    D_MAX_M,
+    D_MIN_M,
+    motion_jacobians,
+    motion_residual,
+    near_residual,
+)
+from positioning.posegraph.rotations import rotations_first
+
+Cost = Literal["squared", "linear"]
+Loss = Literal["cauchy", "huber", "dcs"]
+Start = Literal["given", "rotations_first"]
+Search = Literal["levenberg_marquardt", "gauss_newton"]
+COSTS: Final = ("squared", "linear")
+LOSSES: Final = ("cauchy", "huber", "dcs")
+STARTS: Final = ("given", "rotations_first")
+SEARCHES: Final = ("levenberg_marquardt", "gauss_newton")
+
+_FIRST_DAMPING = 1e-6
+_LEAST_DAMPING, _MOST_DAMPING = 1e-9, 1e12
+# Of the largest curvature: parts of a graph that only flat edges tie keep their place, without 0 / 0.
+_RIDGE = 1e-14
+_NO_DISTANCE_M = 1e-12
+_NEGLIGIBLE_COST = 1e-24
+# A factor with fewer values an unknown costs no more than a few iterations with an old one.
+_HEAVY = 200
+_CLOSE, _CG_ITERATIONS = 1e-2, 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class NearCost:
+    """What the error of a proximity edge costs.
+
+    See Gu et al., eqs. 5 and 10. With "linear", a pair adds weight * e, as eq. 5 is printed; with "squared",
+    weight * e^2, as a least-squares library minimises. Each pair counts once; eq. 5 counts it in both orders,
+    which is a factor of two in the weight.
+
+    Attributes
+    ----------
+    weight
+        Omega of eq. 5, without unit; the paper gives no value.
+    d_min_m, d_max_m
+        Ends of the straight line of eq. 10, metres.
+    e_max
+        Largest error; only weight * e_max, or weight * e_max^2, counts.
+    cost
+        "linear" or "squared".
+    loss
+        Robust loss in place of the square, with "squared" alone: "cauchy", "huber" or "dcs" (dynamic
+        covariance scaling); None = the square itself.
+    loss_scale
+        Error from which the loss grows less than the square, in the unit of ``e_max``.
+    rounding
+        With "linear", the corner at ``d_min_m`` is rounded: e becomes sqrt(e^2 + r^2) - r with
+        r = rounding * e_max, which is below e by less than r. Reported costs are those of e itself.
+    """
+
+    weight: float
+    d_min_m: float = D_MIN_M
+    d_max_m: float = D_MAX_M
+    e_max: float = 1.0
+    cost: Cost = "squared"
+    loss: Loss | None = None
+    loss_scale: float = 0.1
+    rounding: float = 1e-2
+
+    @classmethod
+    def of_distance(
+        cls,
+        sigma_m: float,
+        *,
+        d_min_m: float = D_MIN_M,
+        d_max_m: float = D_MAX_M,
+        loss: Loss | None = None,
+        scale_m: float = 1.0,
+    ) -> "NearCost":
+        """Return the squared cost of pairs that are known to be near up to a standard deviation.
+
+        Where motions have information in metres, so has this cost: a pair adds the square of its distance
+        beyond ``d_min_m`` as a multiple of the standard deviation, and no more beyond ``d_max_m``.
+
+        Parameters
+        ----------
+        sigma_m
+            Standard deviation of the distance beyond ``d_min_m``, metres, of a pair of weight one.
+        d_min_m, d_max_m
+            As of the class.
+        loss, scale_m
+            Robust loss, and the distance beyond ``d_min_m`` from which it grows less than the square, metres.
+
+        Raises
+        ------
+        InputError
+            For values outside their range.
+        """
+        if not (np.isfinite(sigma_m) and sigma_m > 0):
+            raise InputError(f"sigma_m={sigma_m}", "it is not a finite number above zero", "Correct it")
+        span_m = d_max_m - d_min_m
+        return cls(
+            weight=(span_m / sigma_m) ** 2,
+            d_min_m=d_min_m,
+            d_max_m=d_max_m,
+            loss=loss,
+            loss_scale=scale_m / span_m if span_m > 0 else scale_m,
+        ).check()
+
+    def check(self) -> "NearCost":
+        """Return this cost if it can be used.
+
+        Raises
+        ------
+        InputError
+            For values outside their range, unknown names, or a loss with the linear cost.
+        """
+        for name in ("weight", "e_max", "loss_scale", "rounding"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0) or (value == 0 and name != "weight"):
+                raise InputError(f"{name}={value}", "it is not a finite number above zero", "Correct it")
+        if not 0 <= self.d_min_m < self.d_max_m:
+            raise InputError(
+                f"d_min_m={self.d_min_m} and d_max_m={self.d_max_m}",
+                "they are not 0 <= d_min_m < d_max_m",
+                "Correct them",
+            )
+        if self.cost not in COSTS:
+            raise InputError(f"cost={self.cost!r}", f"it is none of {', '.join(COSTS)}", "Correct it")
+        _check_loss("loss", self.loss)
+        if self.loss is not None and self.cost != "squared":
+            raise InputError(
+                f"loss={self.loss!r}",
+                "a loss replaces the square",
+                "Use it with cost='squared', or leave it out",
+            )
+        return self
+
+
+class Optimised(NamedTuple):
+    """The poses of least cost that were found, and how.
+
+    Attributes
+    ----------
+    pose
+        [n, 3], metres and radians; headings go on from those of the start and are not wrapped.
+    cost_start, cost
+        Before and after, without a factor of one half, corners not rounded.
+    iterations
+        Steps that were taken.
+    converged
+        Whether a stop rule was met before the iterations ran out and every step could be taken.
+    reason
+        Which: "cost" (no step that would lower it by more than the tolerance), "zero" (nothing left to
+        lower), "damping" (no step lowers it at all: the numbers are exhausted), "iterations", "nothing
+        free", or "singular" (a step of Gauss and Newton has no finite length).
+    """
+
+    pose: Array
+    cost_start: float
+    cost: float
+    iterations: int
+    converged: bool
+    reason: str
+
+
+def optimise(
+    graph: PoseGraph,
+    *,
+    near: NearCost | None = None,
+    loop_loss: Loss | None = None,
+    loop_scale: float = 1.0,
+    start: Start = "given",
+    search: Search = "levenberg_marquardt",
+    iterations: int = 100,
+    tolerance: float = 1e-6,
+) -> Optimised:
+    """Find the poses of least cost near those of the graph.
+
+    See Gu et al., eqs. 3 to 5. Steps of dead reckoning cost the square of their residual, weighted with the
+    information. Second derivatives of proximity edges are exact where those are convex, so that the linear
+    cost is minimised by reweighted least squares with the curvature across the edge added.
+
+    Parameters
+    ----------
+    graph
+        At least one pose of every connected part must be fixed; see `PoseGraph.tied`.
+    near
+        Cost of the proximity edges; needed where there are some.
+    loop_loss
+        Robust loss on the motion edges ``graph.loop``; None = the square.
+    loop_scale
+        Residual from which the loss grows less than the square, standard deviations.
+    start
+        Where the search begins: at the poses "given", or at those of `rotations_first`, whatever they cost.
+    search
+        "levenberg_marquardt", whose every step lowers the cost, or "gauss_newton", which takes steps without
+        damping, may lose its way far from the minimum, and passes long curved valleys in fewer steps.
+    iterations
+        Most steps to take.
+    tolerance
+        Relative decrease of the cost below which to stop.
+
+    Returns
+    -------
+    Optimised
+        Never of a larger cost than where the search begins, up to the rounding of the linear cost;
+        ``cost_start`` is that of the poses given.
+
+    Raises
+    ------
+    InputError
+        For a graph that cannot be used, parts of it without a fixed pose, proximity edges without a cost, or
+        settings outside their range.
+    """
+    graph.check()
+    _check_settings(near, loop_loss, loop_scale, iterations, tolerance)
+    if start not in STARTS:
+        raise InputError(f"start={start!r}", f"it is none of {', '.join(STARTS)}", "Correct it")
+    if search not in SEARCHES:
+        raise InputError(f"search={search!r}", f"it is none of {', '.join(SEARCHES)}", "Correct it")
+    if near is None and len(graph.near_from):
+        limit = f"the graph has {len(graph.near_from)} proximity edges"
+        raise InputError("near", limit, "Give a NearCost, or a graph without them")
+    loose = graph.loose()
+    if len(loose):
+        raise InputError(
+            f"graph, the part of pose {int(loose[0])}",
+            f"no pose of it is fixed, and no edge joins it to a fixed one ({len(loose)} such part(s))",
+            "Fix a pose of it, leave it out, or take graph.tied()",
+        )
+    problem = _Problem(graph, near, loop_loss, loop_scale)
+    pose = np.array(graph.pose, dtype=np.float64)
+    first = problem.cost(pose)
+    if not len(problem.free):
+        return Optimised(pose, first.printed, first.printed, 0, True, "nothing free")
+    begin = first
+    if start == "rotations_first":
+        pose = rotations_first(graph)
+        begin = problem.cost(pose)
+    find = _search if search == "levenberg_marquardt" else _gauss_newton
+    pose, last, taken, reason = find(problem, pose, begin, iterations, tolerance)
+    return Optimised(
+        pose, first.printed, last.printed, taken, reason not in ("iterations", "singular"), reason
+    )
+
+
+def cost(
+    graph: PoseGraph,
+    *,
+    near: NearCost | None = None,
+    loop_loss: Loss | None = None,
+    loop_scale: float = 1.0,
+) -> tuple[float, float]:
+    """Return the cost of the motion edges and that of the proximity edges at the poses of the graph.
+
+    See Gu et al., eqs. 4 and 5.
+
+    Raises
+    ------
+    InputError
+        As `optimise`, but no pose needs to be fixed.
+    """
+    graph.check()
+    _check_settings(near, loop_loss, loop_scale, 1, 1.0)
+    found = _Problem(graph, near, loop_loss, loop_scale, pattern=False).cost(np.asarray(graph.pose))
+    return found.motion, found.near
+
+
+class _Value(NamedTuple):
+    motion: float
+    near: float
+    rounded: float
+
+    @property
+    def printed(self) -> float:
+        return self.motion + self.near
+
+    @property
+    def minimised(self) -> float:
+        return self.motion + self.rounded
+
+
+def _search(
+    problem: "_Problem", pose: Array, first: _Value, iterations: int, tolerance: float
+) -> tuple[Array, _Value, int, str]:
+    value, damping, growth, relaxed = first, _FIRST_DAMPING, 2.0, True
+    gradient, hessian = problem.normal_equations(pose)
+    taken = 0
+    while True:
+        if value.minimised <= _NEGLIGIBLE_COST:
+            return pose, value, taken, "zero"
+        if taken == iterations:
+            return pose, value, taken, "iterations"
+        step, promised = problem.step(gradient, hessian, damping)
+        if promised <= tolerance * value.minimised:
+            if damping <= _FIRST_DAMPING or relaxed:
+                return pose, value, taken, "cost"
+            # The damping may be what holds the step back.
+            damping, growth, relaxed = _FIRST_DAMPING, 2.0, True
+            continue
+        trial = problem.moved(pose, step)
+        trial_value = problem.cost(trial)
+        gain = (value.minimised - trial_value.minimised) / promised if np.isfinite(promised) else -1.0
+        if gain > 0:
+            decrease = value.minimised - trial_value.minimised
+            small = decrease <= tolerance * value.minimised
+            pose, value, taken = trial, trial_value, taken + 1
+            if small and damping <= _FIRST_DAMPING:
+                return pose, value, taken, "cost"
+            relaxed = relaxed and small
+            damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3), _LEAST_DAMPING)
+            growth = 2.0
+            gradient, hessian = problem.normal_equations(pose)
+        else:
+            damping, growth = damping * growth, growth * 2.0
+            if not damping < _MOST_DAMPING:
+                return pose, value, taken, "damping"
+
+
+def _gauss_newton(
+    problem: "_Problem", pose: Array, first: _Value, iterations: int, tolerance: float
+) -> tuple[Array, _Value, int, str]:
+    """Take undamped steps, whether or not they lower the cost; return the best poses that were met."""
+    best, least, value, taken = pose, first, first, 0
+    while taken < iterations:
+        if value.minimised <= _NEGLIGIBLE_COST:
+            return best, least, taken, "zero"
+        step, promised = problem.step(*problem.normal_equations(pose), 0.0)
+        if not np.isfinite(promised):
+            return best, least, taken, "singular"
+        pose = problem.moved(pose, step)
+        before, value, taken = value, problem.cost(pose), taken + 1
+        if not np.isfinite(value.minimised):
+            return best, least, taken, "singular"
+        if value.minimised < least.minimised:
+            best, least = pose, value
+        if abs(before.minimised - value.minimised) <= tolerance * before.minimised:
+            return best, least, taken, "cost"
+    return best, least, taken, "iterations"
+
+
+class _Problem:
+    """Cost, gradient and curvature of a graph; what does not change between steps is kept."""
+
+    def __init__(
+        self,
+        graph: PoseGraph,
+        near: NearCost | None,
+        loop_loss: Loss | None,
+        loop_scale: float,
+        *,
+        pattern: bool = True,
+    ) -> None:
+        self.graph, self.near = graph, near
+        self.poses = len(graph.pose)
+        self.information = np.asarray(graph.motion_information, dtype=np.float64)
+        self.loop_loss, self.loop_scale = (None if graph.loop is None else loop_loss), loop_scale
+        self.loop = np.zeros(len(graph.motion_from), bool) if graph.loop is None else graph.loop
+        self.weight = np.full(len(graph.near_from), 0.0 if near is None else near.weight)
+        if graph.near_weight is not None:
+            self.weight = self.weight * graph.near_weight
+        self.free = np.flatnonzero(~np.asarray(graph.fixed, dtype=bool))
+        if pattern and len(self.free):
+            self.pattern = _Pattern(graph, self.free)
+            self.scale = self._damping_scale()
+
+    def cost(self, pose: Array) -> _Value:
+        """Return the cost at these poses."""
+        squared = self._squared(self._motion_residual(pose))
+        if self.loop_loss is not None:
+            squared = np.where(self.loop, _robust(squared, self.loop_loss, self.loop_scale)[0], squared)
+        motion = float(np.sum(squared))
+        if self.near is None:
+            return _Value(motion, 0.0, 0.0)
+        near = self.near
+        error = near_residual(
+            pose[self.graph.near_from],
+            pose[self.graph.near_to],
+            e_max=near.e_max,
+            d_min_m=near.d_min_m,
+            d_max_m=near.d_max_m,
+        )
+        if near.cost == "linear":
+            rounding = near.rounding * near.e_max
+            rounded = float(np.dot(self.weight, np.hypot(error, rounding) - rounding))
+            return _Value(motion, float(np.dot(self.weight, error)), rounded)
+        squared = error * error
+        if near.loss is not None:
+            squared = _robust(squared, near.loss, near.loss_scale)[0]
+        value = float(np.dot(self.weight, squared))
+        return _Value(motion, value, value)
+
+    def normal_equations(self, pose: Array) -> tuple[Array, Array]:
+        """Return the gradient of the free poses, and the curvature as values of the sparse matrix."""
+        graph, pattern = self.graph, self.pattern
+        residual = self._motion_residual(pose)
+        by_from, by_to = motion_jacobians(pose[graph.motion_from], pose[graph.motion_to])
+        information = 2.0 * self.information
+        if self.loop_loss is not None:
+            slope = _robust(self._squared(residual), self.loop_loss, self.loop_scale)[1]
+            information = information * np.where(self.loop, slope, 1.0)[:, None, None]
+        from_weighted = np.swapaxes(by_from, -1, -2) @ information
+        to_weighted = np.swapaxes(by_to, -1, -2) @ information
+        gradient = _summed(graph.motion_from, (from_weighted @ residual[..., None])[..., 0], self.poses)
+        gradient += _summed(graph.motion_to, (to_weighted @ residual[..., None])[..., 0], self.poses)
+        diagonal = _summed(graph.motion_from, from_weighted @ by_from, self.poses)
+        diagonal += _summed(graph.motion_to, to_weighted @ by_to, self.poses)
+        across = from_weighted @ by_to
+        across = np.where(pattern.motion_swapped[:, None, None], np.swapaxes(across, -1, -2), across)
+        off_diagonal = _summed(pattern.motion_pair, across[pattern.motion_both], pattern.pairs)
+        if self.near is not None and len(graph.near_from):
+            pull, curvature = self._near(pose, self.near)
+            gradient[:, :2] += _summed(graph.near_to, pull, self.poses)
+            gradient[:, :2] -= _summed(graph.near_from, pull, self.poses)
+            own = _summed(graph.near_from, curvature, self.poses) + _summed(
+                graph.near_to, curvature, self.poses
+            )
+            diagonal[:, :2, :2] += own[:, _BLOCK]
+            shared = _summed(pattern.near_pair, curvature[pattern.near_both], pattern.pairs)
+            off_diagonal[:, :2, :2] -= shared[:, _BLOCK]
+        return gradient[self.free].ravel(), pattern.values(diagonal[self.free], off_diagonal)
+
+    def step(self, gradient: Array, hessian: Array, damping: float) -> tuple[Array, float]:
+        """Return the step of all free poses, [free * 3], and the decrease of cost that the model promises."""
+        pattern = self.pattern
+        added = damping * self.scale
+        try:
+            step = -pattern.solve(hessian, added + _RIDGE * hessian.max(initial=0.0), gradient)
+        except RuntimeError:  # exactly singular
+            return np.zeros_like(gradient), np.inf
+        if not np.isfinite(step).all():
+            return np.zeros_like(gradient), np.inf
+        return step, 0.5 * float(np.dot(added * step, step) - np.dot(gradient, step))
+
+    def moved(self, pose: Array, step: Array) -> Array:
+        """Return the poses after a step of the free ones."""
+        moved = pose.copy()
+        moved[self.free] += step.reshape(-1, 3)
+        return moved
+
+    def _near(self, pose: Array, near: NearCost) -> tuple[Array, Array]:
+        """Return the derivative by the second pose, [f, 2], and the curvature (xx, xy, yy), [f, 3]."""
+        offset_m = pose[self.graph.near_to, :2] - pose[self.graph.near_from, :2]
+        distance_m = np.hypot(offset_m[:, 0], offset_m[:, 1])
+        slope = near.e_max / (near.d_max_m - near.d_min_m)
+        error = slope * (distance_m - near.d_min_m)
+        between = (distance_m > near.d_min_m) & (distance_m < near.d_max_m)
+        derivative, second = _of_error(np.where(between, error, 0.0), near)
+        weight = np.where(between, self.weight, 0.0)
+        distance_m = np.maximum(distance_m, _NO_DISTANCE_M)
+        east, north = offset_m[:, 0] / distance_m, offset_m[:, 1] / distance_m
+        force = weight * derivative * slope
+        along, across = weight * second * slope**2, force / distance_m
+        curvature = np.stack(
+            [
+                along * east * east + across * north * north,
+                (along - across) * east * north,
+                along * north * north + across * east * east,
+            ],
+            axis=-1,
+        )
+        return np.stack([force * east, force * north], axis=-1), curvature
+
+    def _damping_scale(self) -> Array:
+        """Return what a unit of damping adds to the curvature of each free coordinate, [free * 3]."""
+        graph = self.graph
+        by_from, by_to = motion_jacobians(graph.pose[graph.motion_from], graph.pose[graph.motion_to])
+        motion = np.zeros((self.poses, 3))
+        for pose, jacobian in ((graph.motion_from, by_from), (graph.motion_to, by_to)):
+            motion += _summed(
+                pose, np.einsum("eij,eik,ekj->ej", jacobian, self.information, jacobian), self.poses
+            )
+        scale = 2.0 * motion
+        if self.near is not None and self.weight.any():
+            slope = self.near.e_max / (self.near.d_max_m - self.near.d_min_m)
+            _, middle = _of_error(np.array([0.5 * self.near.e_max]), self.near)
+            pull = self.weight * float(middle[0]) * slope**2
+            own = _summed(graph.near_from, pull, self.poses) + _summed(graph.near_to, pull, self.poses)
+            level = scale[self.free, :2].mean()
+            scale *= min(1.0, own[self.free].mean() / level) if level > 0 else 1.0
+            scale[:, :2] += own[:, None]
+        # A coordinate without any edge stays where it is.
+        return np.where(scale > 0, scale, 1.0)[self.free].ravel()
+
+    def _motion_residual(self, pose: Array) -> Array:
+        graph = self.graph
+        return motion_residual(pose[graph.motion_from], pose[graph.motion_to], graph.motion)
+
+    def _squared(self, residual: Array) -> Array:
+        return np.asarray(np.einsum("ei,eij,ej->e", residual, self.information, residual))
+
+
+class _Pattern:
+    """Where the values of the normal equations stand in a sparse matrix whose order gives little fill-in.
+
+    Coordinates of a pose stay together, as 3 x 3 blocks: the order is found on the graph of poses, once.
+    """
+
+    def __init__(self, graph: PoseGraph, free: NDArray[np.intp]) -> None:
+        count = len(free)
+        number = np.full(len(graph.pose), -1)
+        number[free] = np.arange(count)
+        motion, near = (
+            np.sort(number[np.stack([start, end])], axis=0)
+            for start, end in ((graph.motion_from, graph.motion_to), (graph.near_from, graph.near_to))
+        )
+        self.motion_both, self.near_both = motion[0] >= 0, near[0] >= 0
+        self.motion_swapped = number[graph.motion_from] > number[graph.motion_to]
+        ends = np.concatenate([motion[:, self.motion_both], near[:, self.near_both]], axis=1)
+        key, pair = np.unique(ends[0] * count + ends[1], return_inverse=True)
+        split = int(self.motion_both.sum())
+        self.motion_pair, self.near_pair, self.pairs = pair[:split], pair[split:], len(key)
+        first, second = np.divmod(key, count)
+
+        place = _little_fill(first, second, count)
+        here, one, two = place, place[first], place[second]
+        row = np.concatenate([here, two, one])
+        column = np.concatenate([here, one, two])
+        order = np.lexsort((row, column))
+        blocks = np.bincount(column, minlength=count)
+        start = np.concatenate([[0], np.cumsum(blocks)])
+        # Values of a block column: three columns one after the other, each with three values a block.
+        rank = np.empty(len(row), dtype=np.intp)
+        rank[order] = np.arange(len(row)) - start[column[order]]
+        base = 9 * start[column] + 3 * rank
+        position = (
+            base[:, None, None] + np.arange(3)[:, None] + (3 * blocks[column])[:, None, None] * np.arange(3)
+        )
+        self._diagonal, self._lower, self._upper = np.split(position, [count, count + len(key)])
+        self._size = 9 * len(row)
+        self._row = np.empty(self._size, dtype=np.intc)
+        self._row[position] = 3 * row[:, None, None] + np.arange(3)[:, None]
+        self._start = np.concatenate([[0], np.cumsum(np.repeat(3 * blocks, 3))]).astype(np.intc)
+        self._unknown = (3 * place[:, None] + np.arange(3)).ravel()
+        self._factor: Any = None
+        self._middle = np.diagonal(self._diagonal, axis1=-2, axis2=-1).ravel()
+
+    def values(self, diagonal: Array, off_diagonal: Array) -> Array:
+        """Return the values of the matrix from its blocks, [count, 3, 3] and [pairs, 3, 3]."""
+        values = np.empty(self._size)
+        values[self._diagonal] = diagonal
+        # A pair's block has the rows of its first pose: it stands above, its transpose below, or the reverse.
+        values[self._upper] = off_diagonal
+        values[self._lower] = np.swapaxes(off_diagonal, -1, -2)
+        return values
+
+    def solve(self, values: Array, added: Array, right: Array) -> Array:
+        """Solve the equations with ``added`` on the diagonal; a RuntimeError says that they are singular.
+
+        From one step to the next the matrix changes little. Conjugate gradients with the factor of an earlier
+        one come close enough within a few iterations, each much cheaper than a new factor; if not, a new
+        factor is made.
+        """
+        damped = values.copy()
+        damped[self._middle] += added
+        size = len(self._unknown)
+        matrix = csc_array((damped, self._row, self._start), shape=(size, size))
+        placed = np.empty(size)
+        placed[self._unknown] = right
+        if self._factor is not None:
+            found = _conjugate_gradients(matrix, placed, self._factor)
+            if found is not None:
+                return np.asarray(found[self._unknown])
+        # The order is symmetric and the matrix positive definite: no pivoting, as in a Cholesky factor.
+        options = {"SymmetricMode": True}
+        self._factor = None
+        factor = splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options)
+        if factor.nnz > _HEAVY * size:
+            self._factor = factor
+        return np.asarray(factor.solve(placed)[self._unknown])
+
+
+def _conjugate_gradients(matrix: Any, right: Array, factor: Any) -> Array | None:
+    """Return a solution whose error is within `_CLOSE`, or None where that takes too many iterations.
+
+    The error is measured as the curvature weighs it, so that soft directions count as much as stiff ones.
+    """
+    found, residual = np.zeros(len(right)), right
+    direction = preconditioned = factor.solve(residual)
+    first = product = float(np.dot(residual, preconditioned))
+    for _ in range(_CG_ITERATIONS):
+        image = matrix @ direction
+        curvature = float(np.dot(direction, image))
+        if not (curvature > 0 and product > 0):
+            return None
+        length = product / curvature
+        found = found + length * direction
+        residual = residual - length * image
+        preconditioned = factor.solve(residual)
+        previous, product = product, float(np.dot(residual, preconditioned))
+        if abs(product) <= _CLOSE**2 * first:
+            return np.asarray(found)
+        direction = preconditioned + product / previous * direction
+    return None
+
+
+def _little_fill(first: NDArray[Any], second: NDArray[Any], count: int) -> NDArray[Any]:
+    """Return the place of each pose in an order of least degree, [count]."""
+    here = np.arange(count)
+    value = np.concatenate([np.full(count, 2.0 * len(first) + 1.0), np.full(2 * len(first), -1.0)])
+    row, column = np.concatenate([here, first, second]), np.concatenate([here, second, first])
+    matrix = csc_array((value, (row, column)), shape=(count, count))
+    options = {"SymmetricMode": True}
+    factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    return np.asarray(factor.perm_c)
+
+
+_BLOCK = np.array([[0, 1], [1, 2]])
+
+
+def _summed(index: NDArray[Any], values: Array, count: int) -> Array:
+    """Return the sums of rows by index, [count, ...]."""
+    flat = values.reshape(len(values), int(np.prod(values.shape[1:], dtype=int)))
+    sums = [np.bincount(index, weights=column, minlength=count) for column in flat.T]
+    return np.asarray(np.stack(sums, axis=-1).reshape(count, *values.shape[1:]), dtype=np.float64)
+
+
+def _of_error(error: Array, near: NearCost) -> tuple[Array, Array]:
+    """Return first derivative and curvature of the cost by the error, for a weight of one."""
+    if near.cost == "linear":
+        root = np.hypot(error, near.rounding * near.e_max)
+        return error / root, 1.0 / root
+    if near.loss is None:
+        return 2.0 * error, np.full_like(error, 2.0)
+    slope = _robust(error * error, near.loss, near.loss_scale)[1]
+    return 2.0 * slope * error, 2.0 * slope
+
+
+def _robust(squared: Array, loss: Loss, scale: float) -> tuple[Array, Array]:
+    """Return a robust loss of a squared residual, and its derivative by it.
+
+    See Agarwal et al. (2013), "Robust map optimization using dynamic covariance scaling", for the third.
+    """
+    limit = scale * scale
+    if loss == "cauchy":
+        return limit * np.log1p(squared / limit), limit / (limit + squared)
+    if loss == "huber":
+        root = np.sqrt(np.maximum(squared, limit))
+        return np.where(squared <= limit, squared, 2.0 * scale * root - limit), scale / root
+    beyond = limit * (3.0 * squared - limit) / (limit + squared)
+    slope = np.minimum(1.0, 2.0 * limit / (limit + squared))
+    return np.where(squared <= limit, squared, beyond), slope * slope
+
+
+def _check_settings(
+    near: NearCost | None, loop_loss: Loss | None, loop_scale: float, iterations: int, tolerance: float
+) -> None:
+    if near is not None:
+        near.check()
+    _check_loss("loop_loss", loop_loss)
+    for name, value in (("loop_scale", loop_scale), ("tolerance", tolerance)):
+        if not (np.isfinite(value) and value > 0):
+            raise InputError(f"{name}={value}", "it is not a finite number above zero", "Correct it")
+    if iterations != int(iterations) or iterations < 1:
+        raise InputError(f"iterations={iterations}", "it is not a whole number from 1", "Correct it")
+
+
+def _check_loss(name: str, loss: str | None) -> None:
+    if loss is not None and loss not in LOSSES:
+        raise InputError(f"{name}={loss!r}", f"it is none of {', '.join(LOSSES)}", "Correct it")
