@@ -158,6 +158,24 @@ def test_few_worlds_decide_no_condition() -> None:
     assert (row["verdict"], row["rebuilt"]) == ("undecided", 1.0)
 
 
+@pytest.mark.parametrize(
+    ("printed", "expected"), [("9.0", "not reproduced"), ("3.2", "undecided"), ("2.0", "reproduced")]
+)
+def test_a_dozen_worlds_need_normal_values_against_a_number(printed: str, expected: str) -> None:
+    values = np.linspace(1, 3, 12)
+    row = verdict({"kind": "value", "printed": printed, "quantity": A}, measures(a=values))
+    assert row["verdict"] == expected
+    assert ("prediction interval" in row["reason"]) == (expected != "reproduced")
+
+
+def test_a_dozen_worlds_judge_a_condition_and_tell_how_sure_that_is() -> None:
+    claim = {"kind": "ordering", "quantities": [A, B]}
+    row = verdict(claim, measures(a=[1.0] * 12, b=[2.0] * 12))
+    assert row["verdict"] == "holds"
+    assert "0.74 to 1.00 with 95 %" in row["reason"]
+    assert verdict(claim, measures(a=[1.0] * 12, b=[2.0] * 11 + [0.0]))["verdict"] == "depends"
+
+
 def test_a_printed_tie_is_no_contradiction() -> None:
     claim = {"kind": "ordering", "quantities": [A, B]}
     data = measures(a=[1.0] * 40, b=[2.0] * 40)

@@ -29,16 +29,20 @@ from positioning.model import Array, Recording, Site
 
 RATE_HZ, STRIDE_M, STRIDES, REST_S = 100.0, 1.3, 12, 4.0
 FIELD_UT = 48.0
+FORCE_NOISE = 0.002
+"""Of an accelerometer on its data sheet, m/s^2/sqrt(Hz); the filter assumes ten times that on purpose."""
 SITE = Site(corner_m=np.tile([[-50.0, -50.0], [50.0, 50.0]], (1, 1, 1)), magnetic_north_rad=np.array([0.5]))
 
 
-def path(turn_rad: float, mount_rad: float, heading_rad: float) -> tuple[Array, Array, Array, Array]:
+def path(
+    turn_rad: float, mount_rad: float, heading_rad: float, strides: int = STRIDES
+) -> tuple[Array, Array, Array, Array]:
     """Return position, velocity, attitude and rest of a foot: a rest, strides, and a rest."""
-    time_s = np.arange(0, 2 * REST_S + 1.2 * STRIDES + 1e-9, 1 / RATE_HZ)
-    walked = np.clip(time_s - REST_S, 0, 1.2 * STRIDES)
+    time_s = np.arange(0, 2 * REST_S + 1.2 * strides + 1e-9, 1 / RATE_HZ)
+    walked = np.clip(time_s - REST_S, 0, 1.2 * strides)
     number, within = np.floor(walked / 1.2), np.minimum(walked % 1.2, 0.7) / 0.7
-    last = number >= STRIDES
-    number[last], within[last] = STRIDES - 1, 1.0
+    last = number >= strides
+    number[last], within[last] = strides - 1, 1.0
     share = within - np.sin(2 * np.pi * within) / (2 * np.pi)
     swinging = (within > 0) & (within < 1)
     speed = np.where(swinging, STRIDE_M / 0.7 * (1 - np.cos(2 * np.pi * within)), 0.0)
@@ -46,7 +50,7 @@ def path(turn_rad: float, mount_rad: float, heading_rad: float) -> tuple[Array, 
     # Straight within a stride; the heading of a foot turns with it.
     way = heading_rad + turn_rad * number
     velocity = np.stack([speed * np.cos(way), speed * np.sin(way), climb], axis=-1)
-    turned = heading_rad + turn_rad * (number + np.where(number < STRIDES - 1, share, 0.0))
+    turned = heading_rad + turn_rad * (number + np.where(number < strides - 1, share, 0.0))
     lift = 0.7 * np.sin(2 * np.pi * within) * (1 - np.cos(2 * np.pi * within)) / 2
     attitude = attitude_of(0.05, 0.3 + lift, turned - mount_rad)
     middle = 0.5 * (velocity[1:] + velocity[:-1]) / RATE_HZ
@@ -401,6 +405,105 @@ def test_good_readings_are_not_refused() -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "level"),
+    [("angular_rate_rad_per_s", 1.5), ("specific_force_m_per_s2", 5.0), ("specific_force_m_per_s2", 8.0)],
+)
+@pytest.mark.parametrize("side", ["both", "above", "below"])
+def test_clipping_is_refused_at_any_level_and_on_either_side(name: str, level: float, side: str) -> None:
+    recording, *_ = walk(noise=0.05)
+    values = getattr(recording, name)
+    middle = np.median(values, axis=(0, 1))
+    axis = int(np.argmax(np.ptp(values[0], axis=0)))
+    span = {"both": (-level, level), "above": (-np.inf, level), "below": (-level, np.inf)}[side]
+    clipped = values.copy()
+    clipped[0, :, axis] = middle[axis] + np.clip(values[0, :, axis] - middle[axis], *span)
+    with pytest.raises(InputError, match=rf"{name}\[0, \d+, {axis}\].*at its limit"):
+        check_imu(replace(recording, **{name: clipped}))
+
+
+def test_equal_readings_that_are_no_limit_are_not_refused() -> None:
+    # One flat run at a low extreme; an axis that rests again and again at what is its extreme; and a side
+    # on which the axis hardly leaves its rest.
+    recording, *_ = walk(noise=0.05)
+    rate = recording.angular_rate_rad_per_s.copy()
+    once = rate.copy()
+    once[0, 500:510, 0] = 1.01 * np.abs(rate[..., 0]).max()
+    resting = rate.copy()
+    resting[0, :, 2] = np.where(rate[0, :, 1] > 0.5, 3.0 * rate[0, :, 1], 0.0)
+    assert resting[0, :, 2].min() == 0
+    for values in (once, resting):
+        check_imu(replace(recording, angular_rate_rad_per_s=values))
+    still, *_ = walk()
+    check_imu(still)
+
+
+def test_a_force_without_gravity_gets_the_cure() -> None:
+    recording, *_ = walk(noise=0.05)
+    _, _, attitude, _ = path(0.0, 0.0, 0.3)
+    up = attitude[1:, 2] * GRAVITY_M_PER_S2
+    moved = recording.specific_force_m_per_s2 - up
+    # In m/s^2, in g, and where the median, or what is left in a stance, is that of gravity in g.
+    usual = np.median(np.linalg.norm(moved, axis=-1))
+    for scale in (1.0, 1 / GRAVITY_M_PER_S2, 1 / usual, 1.5 / usual):
+        wrong = replace(recording, specific_force_m_per_s2=scale * moved)
+        with pytest.raises(InputError, match="gravity has been taken off") as caught:
+            foot_navigation(wrong, SITE, FootFilter())
+        assert "with gravity in it" in caught.value.cure
+
+
+def far(seed: int, worlds: int, wandering: bool, strides: int = 60) -> tuple[Recording, Array, Array]:
+    """Return a stack with the noise of the data sheet, true places [i, 3] and rests [i]."""
+    rng, own = np.random.default_rng(seed), FootFilter()
+    place, velocity, attitude, rest = path(0.1, 0.0, 0.0, strides)
+    force, rate = readings(velocity, attitude, 1 / RATE_HZ)
+    time_s = np.arange(1, len(place)) / RATE_HZ
+    shape = (worlds, *force.shape)
+    bias = np.zeros(shape)
+    if wandering:
+        walk_ = own.rate_bias_walk_rad_per_s_per_rt_s / np.sqrt(RATE_HZ) * rng.normal(size=shape)
+        apart = own.rate_bias_rad_per_s * rng.normal(size=(worlds, 1, 3))
+        bias = np.cumsum(walk_, axis=1) + np.where((time_s > REST_S)[:, None], apart, 0.0)
+        bias += own.rate_turn_on_bias_rad_per_s * rng.normal(size=(worlds, 1, 3))
+    read = np.sqrt(RATE_HZ) * rng.normal(size=(2, *shape))
+    recording = Recording(
+        time_s=np.tile(time_s[::100], (worlds, 1)),
+        imu_time_s=np.tile(time_s, (worlds, 1)),
+        specific_force_m_per_s2=force + FORCE_NOISE * read[0],
+        angular_rate_rad_per_s=rate + own.rate_noise_rad_per_s_per_rt_hz * read[1] + bias,
+    )
+    return recording, place[1:], rest[1:]
+
+
+def test_the_variance_of_the_heading_tells_its_error_after_a_longer_walk() -> None:
+    worlds = 60
+    limit = 3.5 * np.sqrt(2 / worlds)
+
+    def squared(wandering: bool, **choice: Any) -> tuple[float, float]:
+        recording, place, rest = far(5, worlds, wandering)
+        flags = np.tile(rest, (worlds, 1))
+        found = foot_navigation(recording, many(SITE, worlds), FootFilter(**choice), rest=flags)
+        true_rad = 0.1 * 59
+        error_rad = np.angle(np.exp(1j * (found.heading_rad[:, -1] - true_rad)))
+        error_m = found.position_m[:, -1, :2] - place[-1, :2]
+        spread = found.position_covariance_m2[:, -1]
+        whitened = np.einsum("wi,wij,wj->w", error_m, np.linalg.inv(spread), error_m)
+        return float(np.mean(error_rad**2 / found.heading_variance_rad2[:, -1])), float(whitened.mean())
+
+    # Noise alone is what 9 states know of; 15 also know the bias that the first rest leaves.
+    for wandering, choice in ((False, {"bias_rest_s": 1e9}), (True, {"states": 15})):
+        heading, place = squared(wandering, **choice)
+        assert heading == pytest.approx(1, abs=limit), choice
+        # The velocity at rest is better than the filter takes it to be.
+        assert place < 2 * (1 + limit)
+    # With 9 states that bias is missing, unless a random walk that grows as far stands for it.
+    assert squared(True)[0] > 5
+    own, counted_s = FootFilter(), 0.8 * REST_S
+    left = np.hypot(own.rate_bias_rad_per_s, own.rate_noise_rad_per_s_per_rt_hz / np.sqrt(counted_s))
+    as_far = float(left * np.sqrt(60 * 1.2 + REST_S))
+    assert squared(True, heading_noise_rad_per_rt_s=as_far)[0] == pytest.approx(1, abs=limit)
+
+
+@pytest.mark.parametrize(
     ("scale", "message"), [(1 / GRAVITY_M_PER_S2, "in g"), (1000 / GRAVITY_M_PER_S2, "in mg")]
 )
 def test_units_of_gravity_are_recognised(scale: float, message: str) -> None:
@@ -447,6 +550,8 @@ def test_missing_parts_and_rests_are_refused() -> None:
         ({"detector": "none"}, "detector 'none'"),
         ({"zero_velocity_noise_m_per_s": 0.0}, "zero_velocity_noise_m_per_s=0.0"),
         ({"rate_noise_rad_per_s_per_rt_hz": -1.0}, "below zero"),
+        ({"heading_noise_rad_per_rt_s": -1.0}, "heading_noise_rad_per_rt_s=-1.0"),
+        ({"rate_turn_on_bias_rad_per_s": float("inf")}, "rate_turn_on_bias_rad_per_s=inf"),
         ({"magnetic_gate": float("nan")}, "magnetic_gate=nan"),
         ({"gravity_m_per_s2": 1.0}, "between 9.7 and 9.9"),
         ({"heading_offset_rad": float("inf")}, "heading_offset_rad=inf"),

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from positioning.evaluation.measures import PAIRED, TABLE, measure, paired, published_numbers, table
+from positioning.tasks import NOT_ASKED
 
 
 def errors(values: dict[tuple[str, int], list[float]], value: float = np.nan) -> pd.DataFrame:
@@ -56,6 +57,17 @@ def test_table_rows_means_spread_and_reasons() -> None:
     assert row["published_mean_m"] == "3.1"
     assert found.iloc[2]["note"] == "no walls"
     assert np.isnan(found.iloc[2]["mean_m"])
+
+
+def test_a_row_has_no_line_in_a_family_that_it_does_not_name() -> None:
+    measures = pd.concat([measure(A, "a"), measure(B[B["family"] == "z"], "b")])
+    reasons = {("b", "b"): NOT_ASKED}
+    found = table(measures, ["b", "a"], ["z", "b"], reasons, {})
+    assert found[["family", "algorithm"]].to_numpy().tolist() == [["z", "b"], ["z", "a"], ["b", "a"]]
+    assert (found["note"] == "").all()
+    # Any other reason is a line of its own, and no reason at all is one too.
+    for others in ({("b", "b"): "no walls"}, {}):
+        assert len(table(measures, ["b", "a"], ["z", "b"], others, {})) == 4
 
 
 def test_pairs_are_worlds_where_there_are_several() -> None:

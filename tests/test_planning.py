@@ -5,9 +5,11 @@ import subprocess
 import sys
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from conftest import ROOT, SMALL
@@ -17,7 +19,9 @@ from planning.recordings import drop_absent, files_of
 
 from positioning.errors import InputError
 from positioning.evaluation.claims import quantities
+from positioning.files import read_tree, write_tree
 from positioning.simulation.settings import calibrated_settings
+from positioning.tasks import NOT_ASKED
 
 
 @pytest.fixture(autouse=True)
@@ -201,6 +205,18 @@ WRONG = {
         lambda s: s.update(recordings={"a": {"adapter": "x", "source": "y"}}),
         ["fingerprint_loo", "either worlds"],
     ),
+    "unknown family of a row": (
+        lambda s: s["algorithms"]["knn"].update(families=["floor", "flor"]),
+        ["algorithms.knn.families", "'flor'", "'floor'"],
+    ),
+    "unknown family of a sweep": (
+        lambda s: s["sweeps"]["knn_k"].update(families=["roof"]),
+        ["knn_k.families", "'roof'", "floor"],
+    ),
+    "row without a family": (
+        lambda s: s["algorithms"]["knn"].update(families=[]),
+        ["algorithms.knn.families"],
+    ),
     "name taken twice": (lambda s: s["sweeps"].update(knn=s["sweeps"]["knn_k"]), ["sweeps.knn", "Rename"]),
     "missing key": (lambda s: s.pop("batch"), ["fingerprint_loo", "batch", "missing"]),
     "capital name": (lambda s: s["algorithms"].update(KNN={"use": "knn"}), ["algorithms", "KNN"]),
@@ -248,6 +264,45 @@ def test_the_small_configuration_is_right() -> None:
     assert study.members("00000") == {"worlds": [0, 1], "seeds": [1000, 1001], "families": study.families}
     assert study.families["floor"]["points"] == 257
     assert list(study.rows) == [*study.entries, "knn_k"]
+
+
+def test_a_row_runs_in_the_families_that_it_names(tmp_path: Path) -> None:
+    def two(study: dict[str, Any]) -> None:
+        study.update(families={"floor": {}, "open": {}}, calibrate=[])
+        study["algorithms"]["control_centre"]["families"] = ["open"]
+        study["sweeps"]["knn_k"]["families"] = ["floor"]
+
+    study = resolve(changed(two))["fingerprint_loo"]
+    rows = {name: entry.settings() for name, entry in study.rows.items()}
+    named = {name: row["families"] for name, row in rows.items() if row["families"]}
+    assert named == {"control_centre": ["open"], "knn_k": ["floor"]}
+    # The option is no parameter of the algorithm.
+    assert "families" not in {**rows["control_centre"]["parameters"], **rows["knn_k"]["parameters"]}
+
+    spec = spec_from_file_location("script_run", ROOT / "workflow/scripts/run.py")
+    assert spec is not None
+    assert spec.loader is not None
+    script = module_from_spec(spec)
+    spec.loader.exec_module(script)
+    world = {
+        "world": np.arange(2),
+        "seed": np.arange(2),
+        "site.corner_m": np.tile([[0.0, 0], [4, 2]], (2, 1, 1)),
+    }
+    world |= {"recording.time_s": np.tile(np.arange(3.0), (2, 1))}
+    truth = {"world": np.arange(2), "seed": np.arange(2), "truth.position_m": np.zeros((2, 3, 2))}
+    sides = {name: str(tmp_path / f"{name}.npz") for name in ("observed", "truth")}
+    write_tree(sides["observed"], dict.fromkeys(("floor", "open"), world))
+    write_tree(sides["truth"], dict.fromkeys(("floor", "open"), truth))
+    row = {**rows["control_centre"], "task": "tracking"}
+    for families, reasons in ((["open"], [NOT_ASKED, ""]), ([], ["", ""])):
+        output = str(tmp_path / "row.npz")
+        script.main("s", {**row, "families": families}, sides["observed"], sides["truth"], {}, output)
+        steps = read_tree(output)
+        assert list(steps) == ["floor/0", "open/0"]
+        assert [str(step["skipped"]) for step in steps.values()] == reasons
+        answered = [name for name, step in steps.items() if "estimate.position_m" in step]
+        assert answered == [name for name, reason in zip(steps, reasons, strict=True) if not reason]
 
 
 @pytest.mark.parametrize("overlay", [None, "quick.yaml"])

@@ -14,6 +14,8 @@ from scipy.spatial.transform import Rotation
 from sklearn.neighbors import KNeighborsRegressor
 
 from positioning.errors import InputError
+from positioning.evaluation.studies import foot_real
+from positioning.files import read_yaml
 from positioning.filters.plane import check_stack
 from positioning.geometry import rigid_fit, rotated
 from positioning.inertial.foot import FootFilter, foot_navigation
@@ -21,6 +23,8 @@ from positioning.model import Recording, Site
 from positioning.recordings import foot_imu_corridor, foot_imu_loop, foot_imu_mocap, phone_wifi_imu_library
 from positioning.recordings.foot_imu_corridor import LEAST_SWING_S, stances
 from positioning.recordings.register import check_files, find_file, read_register
+from positioning.registry import factory
+from positioning.tasks import tracking
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 REALDATA = Path(os.environ.get("REPOSITION_REALDATA", CHECKOUT.parent / "shared" / "realdata"))
@@ -328,7 +332,11 @@ def test_mocap_epochs_at_stances_are_those_of_the_sensors(trials):
         assert observed["recording.time_s"].shape[1] == len(begin) + more.get(name, 0)
         if name not in more:
             epoch_s = observed["recording.time_s"][0]
-            assert ((epoch_s > time_s[begin] - 0.05) & (epoch_s < time_s[end - 1] + 0.05)).all()
+            # Late in a stance, and long before the next one; a few feet hardly move behind it for a while.
+            assert ((epoch_s > time_s[begin]) & (epoch_s < time_s[end - 1] + 0.4)).all()
+            assert (epoch_s[:-1] < time_s[begin[1:]]).all()
+            assert np.mean(epoch_s > (time_s[begin] + time_s[end - 1]) / 2) > 0.9
+            assert np.mean(epoch_s < time_s[end - 1] + 0.15) > 0.9
         for part in ("start_heading_rad", "start_position_m"):
             assert_array_equal(observed[f"recording.{part}"], every[f"recording.{part}"])
         assert_array_equal(np.flatnonzero(np.isnan(truth["truth.position_m"][0, :, 0])), [0, 1])
@@ -336,7 +344,8 @@ def test_mocap_epochs_at_stances_are_those_of_the_sensors(trials):
         epoch_s = every["recording.time_s"][0]
         near = np.argmin(np.abs(epoch_s[:, None] - observed["recording.time_s"][0]), axis=0)
         off_m = np.linalg.norm(true["truth.path_m"][0, near] - truth["truth.path_m"][0], axis=1)
-        assert np.nanmedian(off_m) < 0.02
+        # At the last still reading the foot begins to roll.
+        assert np.nanmedian(off_m) < 0.04
 
 
 def write_trial(folder, name=foot_imu_mocap.NAMES[0], **changes):
@@ -385,6 +394,21 @@ def test_mocap_of_a_written_file(tmp_path):
             "recording.start_heading_rad"
         ]
         assert_allclose(heading_rad, expected, atol=1e-3)
+
+
+def test_mocap_epochs_are_the_last_still_readings_of_a_written_file(tmp_path):
+    place = write_trial(tmp_path)["gt"].copy()
+    still = foot_imu_mocap.load(tmp_path, epochs="stances")
+    # Stances end with the readings 59, 179, ...; the speed over 11 readings tells it five readings early, and
+    # the noise of the places does the rest.
+    ends_s = np.array([60, 180, 300, 420, 540]) / 200
+    assert_allclose(still.observed["recording.time_s"][0], ends_s, atol=0.03)
+    assert_allclose(still.truth["truth.path_m"][0], [[-1, 0], [0, 0], [1, 0], [2, 0], [2, -1]], atol=1e-3)
+    # A shake in a stance does not end it, and does not make two of it.
+    place[145:151, 0] += np.array([1, 2, 3, 3, 2, 1]) * 0.02
+    write_trial(tmp_path, gt=place)
+    shaken = foot_imu_mocap.load(tmp_path, epochs="stances")
+    assert_array_equal(shaken.observed["recording.time_s"], still.observed["recording.time_s"])
 
 
 def test_mocap_held_places_of_a_written_file(tmp_path):
@@ -476,7 +500,7 @@ def test_corridor_epochs_are_stances_and_the_first_strides_align(walks, walk):
     observed, truth = walks[walk]
     time_s, path_m = observed["recording.time_s"][0], truth["truth.path_m"][0]
     begin_s, end_s = truth["truth.stance_time_s"][0].T
-    assert_allclose(time_s, (begin_s + end_s) / 2, atol=0.0051)
+    assert_array_equal(time_s, end_s)
     assert begin_s[0] == 0
     assert (begin_s[1:] - end_s[:-1] >= LEAST_SWING_S).all()
     assert (np.diff(time_s)[1:-1] < 2).all()
@@ -561,7 +585,7 @@ def test_corridor_of_a_written_file(tmp_path):
     assert_allclose(observed["recording.angular_rate_rad_per_s"][0, 103], [0, 3, -0.1])
     assert_allclose(observed["recording.magnetic_field_ut"][0, 3], [-20, 30, 40])
     assert_allclose(observed["recording.imu_time_s"][0, [0, -1]], [0, 699 / 200], atol=1e-9)
-    assert_allclose(observed["recording.time_s"], [[0.25, 1.25, 2.25, 3.25]], atol=0.03)
+    assert_allclose(observed["recording.time_s"], [[0.465, 1.465, 2.465, 3.495]], atol=0.006)
     assert_array_equal(truth["truth.position_m"], [[[np.nan] * 2] * 3 + [[0, 3]]])
     assert_allclose(observed["recording.start_heading_rad"], np.pi / 2)
     with pytest.raises(InputError, match=r"option align_strides: 3 of 3 strides would leave none"):
@@ -722,6 +746,32 @@ def test_library_damaged_files_are_named(tmp_path, text, message):
     (tmp_path / "train_final1" / "rss2.txt").write_text(text)
     with pytest.raises(InputError, match=rf"file train_final1/rss2\.txt: .*{message}"):
         phone_wifi_imu_library.load(tmp_path)
+
+
+@pytest.mark.slow
+@needs(MOCAP)
+def test_the_control_row_of_the_study_keeps_the_shape_of_every_trial():
+    """Dead reckoning by steps with the stored labels, as configured and scored; no trial is left out."""
+    study = read_yaml(CHECKOUT / "config" / "config.yaml")["studies"]["foot_real"]
+    row = study["algorithms"]["control_known_stances"]
+    inertial = {"task": "tracking", **row["inertial"]}
+    control = factory("control_known_stances", "tracking", row | {"inertial": inertial})
+    estimates, worlds, made = {}, {}, 0
+    for name, line in study["recordings"].items():
+        if line["adapter"] != "foot_imu_mocap":
+            continue
+        options = {key: value for key, value in line.items() if key not in ("adapter", "source")}
+        observed, truth = foot_imu_mocap.load(MOCAP, **options)
+        found = tracking.run(control, observed, truth, {}, [np.random.default_rng(0)])
+        step = {"world": np.array([0]), "value": np.asarray(np.nan), "skipped": np.asarray(found.skipped)}
+        step |= {f"estimate.{key}": values for key, values in found.estimates.items()}
+        estimates[f"r/control/{name}.npz"] = {"real/0": step}
+        worlds |= {f"d/{name}/observed.npz": {"real": observed}, f"d/{name}/truth.npz": {"real": truth}}
+        made += 1
+    frame = foot_real.measures(estimates, worlds)
+    rigid_m = frame[frame["metric"] == "rigid_mean_m"]["x"]
+    assert made == len(rigid_m) == len(foot_imu_mocap.NAMES) == 14
+    assert rigid_m.mean() < 0.12
 
 
 @pytest.mark.slow

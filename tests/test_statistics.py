@@ -10,6 +10,7 @@ from positioning.evaluation.metrics import figures_of_merit
 from positioning.evaluation.statistics import (
     mean_interval,
     paired_difference,
+    prediction_interval,
     share_interval,
     single_experiment_interval,
 )
@@ -98,3 +99,15 @@ def test_order_among_metrics(errors: list[float]) -> None:
     m = {name: float(value) for name, value in figures_of_merit(np.array(errors)).items()}
     assert m["p50_m"] <= m["p75_m"] <= m["p90_m"] <= m["p95_m"] <= m["max_m"]
     assert m["mean_m"] <= m["rmse_m"] + 1e-9 <= m["max_m"] + 1e-6
+
+
+def test_a_prediction_interval_holds_the_next_normal_value() -> None:
+    """The share of next values inside is 95 %, for few values as well."""
+    drawn = np.random.default_rng(1).normal(3, 2, (4000, 13))
+    inside = [
+        interval.low <= values[-1] <= interval.high
+        for values in drawn
+        for interval in [prediction_interval(values[:-1])]
+    ]
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.012)
+    assert np.isinf(prediction_interval(np.array([1.0])).low)

@@ -88,7 +88,7 @@ class GraphSlam:
         exclude_m: float = 2.0,
         threshold: Literal["median"] | float = "median",
         decides: Literal["later", "either", "both"] = "both",
-        wifi_weight: float = 0.001,
+        wifi_weight: float = 0.0001,
         e_max: float = 1.0,
         d_min_m: float = 2.0,
         d_max_m: float = 30.0,

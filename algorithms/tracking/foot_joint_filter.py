@@ -31,10 +31,10 @@ class FootJointFilter:
     It starts with the first fix, as uncertain as a fix is; until then its answer is the centre of the survey.
     The sensor's heading at the start is the noted one less the misalignment, which the first straight steps
     tell as for `FootCascadedFilter`. A magnetometer, where it is used, tells the heading later on. There is
-    no noise of steps: the noise is that of the inertial readings, and a random walk of the heading in place of
-    the bias of the gyroscope, which 9 states do not have. Without it the filter would trust its heading more
-    and more and no longer listen to fixes: the cascade has such noise in that of a turn, and a comparison
-    would be unfair. With 15 states the bias is one of them, and the walk is left out.
+    no noise of steps: the noise is that of the inertial readings, and a random walk of the heading in place
+    of the bias of the gyroscope, which 9 states do not have. Without it the filter would trust its heading
+    more and more and no longer listen to fixes: the cascade has such noise in that of a turn, and a
+    comparison would be unfair. With 15 states the bias is one of them, and the walk is left out.
 
     Parameters
     ----------
@@ -52,9 +52,9 @@ class FootJointFilter:
     start_heading_error_rad
         Added to the noted heading, to see what a wrong one does.
     heading_noise_rad_per_rt_s
-        Density of that random walk. After the 400 s of a walk it is as wide, 0.2 rad, as what a bias of 0.0005
-        rad/s makes by then: that is the standard error of the bias after a rest of some 12 s, with a noise of
-        0.1 degrees a second. From the data sheet of the class of unit, assumed.
+        Density of that random walk. After the 400 s of a walk it is as wide, 0.2 rad, as what a bias of
+        0.0005 rad/s makes by then: that is the standard error of the bias after a rest of some 12 s, with a
+        noise of 0.1 degrees a second. From the data sheet of the class of unit, assumed.
     """
 
     def __init__(

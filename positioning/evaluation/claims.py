@@ -25,8 +25,10 @@ reproduced in it says so, ``a wide interval: a weak test``.
 
 Before worlds decide a condition, the paper's own printed numbers are put into it: where none of the
 numbers that they stand for fulfil it, the claim ``contradicts itself``. A number that set a free
-parameter is ``calibrated``. Fewer than 39 worlds give no 95 % interval: then a printed number outside
-what they span, and every condition, is ``undecided``; that happens in quick builds only.
+parameter is ``calibrated``. Fewer than 39 worlds give no 95 % interval without an assumption: then a printed
+number outside what they span is ``not reproduced`` only where it is also outside the 95 % prediction interval
+of normal values, else ``undecided``. Fewer than `FEW` worlds decide nothing against a number, and no
+condition; that happens in quick builds only.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,6 +43,7 @@ from positioning.errors import InputError
 from positioning.evaluation.statistics import (
     CONFIDENCE,
     Interval,
+    prediction_interval,
     share_interval,
     single_experiment_interval,
 )
@@ -195,6 +198,10 @@ def _judge_one(
     return {"value": _value, "exact": _exact, "none": _none}[kind](claim, values)
 
 
+FEW = 12
+"""Fewer worlds than this judge no condition, and nothing against a printed number."""
+
+
 def _value(claim: Mapping[str, Any], values: NDArray[np.float64]) -> dict[str, Any]:
     printed, interval, n = float(claim["printed"]), single_experiment_interval(values), len(values)
     half = _half_unit(claim["printed"])
@@ -215,7 +222,14 @@ def _value(claim: Mapping[str, Any], values: NDArray[np.float64]) -> dict[str, A
     )
     side = "above" if distance > 0 else "below"
     reason = f"outside {span}, {covers}: {abs(distance):.3g} {side} the mean{spread}"
-    return _row(values.mean(), interval, n, _against(interval), _with_note(reason, claim))
+    verdict = _against(interval)
+    if verdict == "undecided" and n >= FEW:
+        normal = prediction_interval(values)
+        ends = f"{_short(normal.low)} to {_short(normal.high)}, the 95 % prediction interval of normal values"
+        within = normal.low <= printed + half and printed - half <= normal.high
+        verdict = "undecided" if within else "not reproduced"
+        reason += f"; {'inside' if within else 'outside'} {ends}"
+    return _row(values.mean(), interval, n, verdict, _with_note(reason, claim))
 
 
 def _best_setting(
@@ -270,9 +284,12 @@ def _condition(
     successes, n = int(met.sum()), len(met)
     interval, share = share_interval(successes, n), successes / n
     verdict = "holds" if share >= CONFIDENCE else "fails" if share <= 1 - CONFIDENCE else "depends"
-    if (n - 1) / (n + 1) < CONFIDENCE:
-        verdict = "undecided"
     reason = f"true in {successes} of {n} worlds"
+    if n < FEW:
+        verdict = "undecided"
+    elif (n - 1) / (n + 1) < CONFIDENCE:
+        # The verdict goes by the share that was seen; few worlds leave much room beside it.
+        reason += f", a share of {interval.low:.2f} to {interval.high:.2f} with 95 %"
     own = [_printed_number(q, claims) for q in quantities(claim)]
     printed = [number for number in own if number is not None]
     if len(printed) == len(own):

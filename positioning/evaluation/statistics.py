@@ -36,6 +36,23 @@ def single_experiment_interval(values: NDArray[np.float64]) -> Interval:
     return Interval(float(low), float(high), min(CONFIDENCE, (n - 1) / (n + 1)))
 
 
+def prediction_interval(values: NDArray[np.float64]) -> Interval:
+    """Return where one more experiment of the same kind falls with 95 %, if such values are normal.
+
+    It reaches beyond the values themselves, so that few worlds can tell that a number does not come out.
+
+    Parameters
+    ----------
+    values
+        One value a world, [n].
+    """
+    n = len(values)
+    if n < 2:
+        return Interval(float("-inf"), float("inf"), CONFIDENCE)
+    half = stats.t.ppf((1 + CONFIDENCE) / 2, n - 1) * np.std(values, ddof=1) * np.sqrt(1 + 1 / n)
+    return Interval(float(np.mean(values) - half), float(np.mean(values) + half), CONFIDENCE)
+
+
 def share_interval(successes: int, n: int) -> Interval:
     """Return the exact (Clopper-Pearson) 95 % confidence interval of a share."""
     bounds = stats.binomtest(successes, n).proportion_ci(CONFIDENCE, method="exact")

@@ -27,7 +27,8 @@ from positioning.inertial.geodetic import (
     VELOCITY,
     Strapdown,
     attitude_of,
-    fill_error_dynamics,
+    fill_metric_error_dynamics,
+    metres_per_unit,
     position_scale_m,
     roll_pitch_yaw,
     to_local,
@@ -209,7 +210,8 @@ class FlightNavigation:
     normalised_innovation_squared, degrees_of_freedom
         By the name of the sensor, each [r]: the mean per degree of freedom, NaN without one, and the number.
     innovation_condition
-        Greatest condition number of the covariance of GPS innovations, [r]; NaN without GPS.
+        Greatest condition number of the covariance of GPS innovations, [r], among the first and every tenth
+        reading of GPS in the recording; NaN if none of these counts.
     skipped_sightings
         Sightings that told no direction, or were to, [r]: the landmark at, right above or below the sensor.
     """
@@ -270,8 +272,10 @@ def check_flight(recording: Recording, site: Site, settings: FlightFilter) -> No
     ------
     InputError
         For settings without sense; arrays that are missing or do not fit; inertial times that do not increase
-        or leave a gap; readings that are not finite; GPS before the first inertial reading, an outage longer
-        than the flight; a start at a pole; fixes or sightings that are infinite.
+        or leave a gap; flights of one stack with so different rates of inertial readings that their
+        covariances would not step alike, or with fewer readings than an interpolation needs; readings that
+        are not finite; GPS, fixes or sightings before the first inertial reading, an outage longer than the
+        flight; a start at a pole; fixes or sightings that are infinite.
     """
     settings.check()
     needed = ["imu_time_s", "specific_force_m_per_s2", "angular_rate_rad_per_s", "start_geodetic"]
@@ -308,6 +312,21 @@ def check_flight(recording: Recording, site: Site, settings: FlightFilter) -> No
             f"no reading for more than {MOST_GAP_S} s after it",
             "Cut the recording there, or fill the gap; check that times are in seconds",
         )
+    least = _window(settings) - 1
+    _refuse(
+        "imu_time_s",
+        length[:, None] < least,
+        f"there are fewer readings than the {least} that the interpolation needs",
+        "Lower interpolation_order, or leave the flight out",
+    )
+    strides = _strides(time_s, settings.covariance_hz)
+    if (strides != strides[0]).any():
+        raise InputError(
+            "recording.imu_time_s",
+            f"a step of the covariance has {strides.min()} readings in one flight and {strides.max()} in"
+            " another",
+            "Navigate flights of different rates one by one",
+        )
     for name in ("specific_force_m_per_s2", "angular_rate_rad_per_s"):
         bad = ~np.isfinite(getattr(recording, name)).all(axis=-1) & there
         _refuse(name, bad, "the reading is not a finite number", "Leave it out or fill it")
@@ -341,11 +360,19 @@ def check_flight(recording: Recording, site: Site, settings: FlightFilter) -> No
                     "the outage is longer than the flight",
                     "Shorten it, or switch gps off",
                 )
+    early, cure = "it is before the first inertial reading", "Leave it out, or check that clocks are the same"
     if settings.fixes:
-        _refuse("fix_m", np.isinf(np.asarray(recording.fix_m)), "the fix is infinite", "Use NaN for none")
+        fix = np.asarray(recording.fix_m)
+        _refuse("fix_m", np.isinf(fix), "the fix is infinite", "Use NaN for none")
+        with np.errstate(invalid="ignore"):
+            before = np.asarray(recording.time_s, dtype=np.float64) < start[:, None] - 1e-9
+        _refuse("fix_m", before & np.isfinite(fix[:, :, 0]).all(axis=-1), early, cure)
     if settings.slam:
         bad = np.isinf(np.asarray(recording.sighting))
         _refuse("sighting", bad, "the sighting is infinite", "Use NaN for none")
+        with np.errstate(invalid="ignore"):
+            before = np.asarray(recording.sighting_time_s, dtype=np.float64) < start[:, None] - 1e-9
+        _refuse("sighting_time_s", before & (np.asarray(recording.sighting_landmark) >= 0), early, cure)
 
 
 def navigate_flight(recording: Recording, site: Site, settings: FlightFilter) -> FlightNavigation:
@@ -378,14 +405,12 @@ class _Run:
     def __init__(self, recording: Recording, site: Site, settings: FlightFilter) -> None:
         self.recording, self.settings = recording, settings
         self.readings = _ready(recording)
-        count, self.worlds = self.readings.duration_s.shape
+        self.worlds = self.readings.duration_s.shape[1]
         self.origin = np.asarray(site.origin_geodetic, dtype=np.float64)
         self.states = settings.states
-        step_s = float(np.median(self.readings.duration_s[: max(2, count // 2), 0]))
-        # A step of the covariance comprises so many readings.
-        self.stride = max(1, round(1.0 / (settings.covariance_hz * step_s)))
-        more = settings.interpolation_order if settings.interpolation == "lagrange" else 0
-        self.window = 2 * more + 2
+        # `check_flight` has seen that all flights have the same.
+        self.stride = int(_strides(np.asarray(recording.imu_time_s, np.float64), settings.covariance_hz)[0])
+        self.window = _window(settings)
         self.marks, self.landmarks = _landmark_counts(recording) if settings.slam else (0, 0)
         self.mover = Strapdown(
             np.asarray(recording.start_geodetic, np.float64),
@@ -537,15 +562,13 @@ class _Run:
             bracket, ends = bracket[~late], ends[~late]
         before = (kind == "epoch") & (bracket == 0)
         bracket = np.clip(bracket, 1, ends)
-        # At the ends of the recording the window moves inwards, and is smaller than asked for if it must.
-        size = min(width, int(lengths.min()) + 1)
-        size -= size % 2
-        begin = np.clip(bracket - size // 2, 0, ends + 1 - size)
-        state = begin[:, None] + np.arange(size)
+        # At the ends of the recording the window moves inwards.
+        begin = np.clip(bracket - width // 2, 0, ends + 1 - width)
+        state = begin[:, None] + np.arange(width)
         weight = lagrange_weights(states_s[state, world[:, None]], times)
         if kind == "epoch":
-            weight[before] = np.eye(size)[0]
-        step = (begin + size - 2) // self.stride
+            weight[before] = np.eye(width)[0]
+        step = (begin + width - 2) // self.stride
         step[before] = -1
         # Several readings of one world in one step follow each other.
         order = np.lexsort((index, world, step))
@@ -574,14 +597,7 @@ class _Run:
         duration = np.sum(self.readings.duration_s[first:last], axis=0)
         per_s = 1.0 / np.where(duration > 0, duration, 1.0)
         if self.settings.model == "geodetic":
-            around, (north, _, down) = mover.around, mover.velocity_m_per_s
-            fill_error_dynamics(dynamics, around, mover.velocity_m_per_s)
-            scale = self._scale_m()
-            dynamics[:, :3] *= scale[:, :, None]
-            dynamics[:, :, :3] /= scale[:, None]
-            # A metre along a parallel is another share of a radian after the move.
-            dynamics[:, 0, 0] = -down * around.per_meridian_m
-            dynamics[:, 1, 1] = -down * around.per_normal_m - north * around.tangent * around.per_meridian_m
+            fill_metric_error_dynamics(dynamics, mover.around, mover.velocity_m_per_s)
         else:
             dynamics[:, range(3), range(3, 6)] = 1.0
         dynamics[:, VELOCITY, ATTITUDE] = cross_matrix((mover.force_advance * per_s).T)
@@ -604,12 +620,6 @@ class _Run:
             covariance[:, states:, :states] = cross.swapaxes(1, 2)
         if not self.settings.closed_loop:
             self.error[:, :states] = (change @ self.error[:, :states, None])[..., 0]
-
-    def _scale_m(self) -> Array:
-        """Return metres north, east and down per unit of latitude, longitude and height, [w, 3]."""
-        around = self.mover.around
-        north = 1.0 / around.per_meridian_m
-        return np.stack([north, around.cosine / around.per_normal_m, np.full_like(north, -1.0)], axis=-1)
 
     def _update(self, events: list[_Event], offset: int, last: int) -> None:
         """Take in the readings of a step, correct, and write the epochs down."""
@@ -814,7 +824,7 @@ class _Run:
         states kept for interpolation move alike.
         """
         mover, error = self.mover, self.error
-        shift = (error[:, POSITION] / self._scale_m()).T
+        shift = (error[:, POSITION] / metres_per_unit(mover.around)).T
         turn = rotation(error[:, ATTITUDE])
         mover.geodetic -= shift
         mover.velocity_m_per_s -= error[:, VELOCITY].T
@@ -888,6 +898,17 @@ def _ready(recording: Recording) -> _Readings:
         np.ascontiguousarray(states_s),
         np.asarray(length, dtype=np.intp),
     )
+
+
+def _strides(imu_time_s: Array, covariance_hz: float) -> Whole:
+    """Return how many readings a step of the covariance comprises, [w], by the median interval of each."""
+    step_s = np.nanmedian(np.diff(imu_time_s, axis=1), axis=1)
+    return np.asarray(np.maximum(1, np.rint(1.0 / (covariance_hz * step_s))), dtype=np.intp)
+
+
+def _window(settings: FlightFilter) -> int:
+    """Return the number of states that an interpolation at the time of GPS takes."""
+    return 2 + (2 * settings.interpolation_order if settings.interpolation == "lagrange" else 0)
 
 
 def _landmark_counts(recording: Recording) -> tuple[int, int]:

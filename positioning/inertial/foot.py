@@ -35,12 +35,14 @@ SATURATED_SAMPLES = 5
 LEAST_SATURATED = {"specific_force_m_per_s2": 15.0, "angular_rate_rad_per_s": 4.0}
 """No unit saturates below these, unless it does so again and again: see ``LEAST_OFF_REST``."""
 LEAST_OFF_REST = {"specific_force_m_per_s2": 2.0, "angular_rate_rad_per_s": 0.5}
-"""An extreme that is nearer to the axis' median is that of an axis at rest, and its equal readings are none."""
+"""An extreme that is nearer to the axis' median is that of an axis at rest, which may well read the same."""
 LEAST_FLAT_RUNS = 2
 """Below ``LEAST_SATURATED`` a sensor is at its limit if it stays there so many times."""
 QUIET_SHARE = 0.25
 """The share of readings with the least angular rate, in which a foot stands and the accelerometer reads
 gravity alone."""
+LEAST_LEFT_AT_REST = 0.1
+"""Gravity is a larger share of the greatest readings of a walk, or a run; assumed."""
 
 # Samples between two looks at the rounding, and the size of the blocks that are prepared at a time.
 _BLOCK = 256
@@ -68,8 +70,8 @@ class FootFilter:
         Density of the noise of the force; 0.02 is what OpenShoe uses (0.5 m/s^2 at 820 Hz; Nilsson et al.
         2012): ten times that of the data sheets, as it stands for scale errors in the swing too.
     rate_noise_rad_per_s_per_rt_hz
-        Density of the noise of the rate: 0.1 degrees a second, the figure of the data sheet of the class, which
-        the simulated units have too.
+        Density of the noise of the rate: 0.1 degrees a second, the figure of the data sheet of the class,
+        which the simulated units have too.
     heading_noise_rad_per_rt_s
         Density of a random walk of the heading beside that of the rate's noise, for biases that 9 states do
         not have. None, as in the paper, where nothing tells the place but the filter itself.
@@ -91,8 +93,8 @@ class FootFilter:
         The same where the alignment is too short to tell that of the gyroscope: half a degree a second, what
         it has when it is turned on.
     force_bias_walk_m_per_s2_per_rt_s, rate_bias_walk_rad_per_s_per_rt_s
-        Growth of the biases, for 15 states: by 0.002 m/s^2 and 0.02 degrees a second, the in-run figures, in a
-        hundred seconds, their correlation time.
+        Growth of the biases, for 15 states: by 0.002 m/s^2 and 0.02 degrees a second, the in-run figures, in
+        a hundred seconds, their correlation time.
     tilt_error_rad
         Of roll and pitch after levelling: 0.05 m/s^2 of bias over gravity.
     heading_error_rad
@@ -875,13 +877,14 @@ def _check_force_units(recording: Recording, length: NDArray[np.intp]) -> None:
         if low <= usual <= high and quiet >= low:
             continue
         limit, cure = "gravity is 9.8 m/s^2", "Check units and calibration"
-        # Readings without gravity have any magnitude in a walk, also one of 1, but hardly any in a stance.
-        if quiet < min(low, 0.5 * usual):
-            limit = f"it is {quiet:.3g} where the foot stands: gravity has been taken off"
-            cure = "Give what the accelerometer reads, with gravity in it"
         for unit, scale in (("g", GRAVITY_M_PER_S2), ("mg", GRAVITY_M_PER_S2 / 1000)):
             if FORCE_AT_REST_M_PER_S2[0] <= quiet * scale <= FORCE_AT_REST_M_PER_S2[1]:
                 limit, cure = f"that is gravity in {unit}, not in m/s^2", f"Multiply by {scale}"
+        # Without gravity a walk has any median, also that of a walk in g; but what is left where the foot
+        # stands is next to nothing beside a swing, in any unit.
+        if quiet < LEAST_LEFT_AT_REST * float(np.quantile(magnitude, 0.99)):
+            limit = f"it is {quiet:.3g} where the foot stands: gravity has been taken off"
+            cure = "Give what the accelerometer reads, with gravity in it"
         raise InputError(
             f"recording.specific_force_m_per_s2[{row}]", f"its median magnitude is {usual:.3g}; {limit}", cure
         )

@@ -556,6 +556,37 @@ def fill_error_dynamics(dynamics: Array, around: Surroundings, velocity: Array) 
     dynamics[..., 7, 8], dynamics[..., 8, 7] = spin_north, -spin_north
 
 
+def fill_metric_error_dynamics(dynamics: Array, around: Surroundings, velocity: Array) -> None:
+    """Write the entries of `fill_error_dynamics` for a position in metres north, east and down.
+
+    See Mirzababaei & Akbari, eqs. 8.1 to 10.2, with the position of eq. 30. Two entries come with the units:
+    an error of latitude or longitude that stays is another number of metres after a climb or, of longitude,
+    after a move to the north.
+
+    Parameters
+    ----------
+    dynamics
+        [..., s, s].
+    around
+        At the place, each [...].
+    velocity
+        North, east and down FIRST, [3, ...], metres a second.
+    """
+    north, _, down = velocity
+    fill_error_dynamics(dynamics, around, velocity)
+    scale = metres_per_unit(around)
+    dynamics[..., :3, :] *= scale[..., :, None]
+    dynamics[..., :, :3] /= scale[..., None, :]
+    dynamics[..., 0, 0] = -down * around.per_meridian_m
+    dynamics[..., 1, 1] = -down * around.per_normal_m - north * around.tangent * around.per_meridian_m
+
+
+def metres_per_unit(around: Surroundings) -> Array:
+    """Return what `position_scale_m` does, [..., 3], of known surroundings."""
+    north = 1.0 / around.per_meridian_m
+    return np.stack([north, around.cosine / around.per_normal_m, np.full_like(north, -1.0)], axis=-1)
+
+
 def noise_input(attitude: ArrayLike, *, states: int = 9) -> Array:
     """Return the design matrix G, which leads the noise of the readings to the rate of the error.
 

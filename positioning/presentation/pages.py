@@ -22,7 +22,7 @@ from positioning.simulation.settings import calibrated_settings
 WORLDS_NEEDED = 39
 """Fewer worlds than this cannot promise a 95 % interval of single experiments."""
 
-MAIN_FIGURES = ("table1", "mean_error")
+MAIN_FIGURES = ("table1", "means", "printed", "outage", "mean_error", "errors")
 """Names of the figure that stands for a study on the front page, first found first."""
 
 PREDICATES = {

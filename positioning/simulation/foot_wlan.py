@@ -274,7 +274,7 @@ def _walls(size: Array, corner: Array, width_m: float, room_m: float) -> Array:
 
 
 def _marks(values: Mapping[str, Any], uniform: Array) -> tuple[Array, Array]:
-    """Return places of the lattice next to the marks, and the marks, along the ring, [world, mark], metres."""
+    """Return lattice places next to the marks, and the marks, along the ring, [world, mark], metres."""
     count, places, lap_m = values["mark_count"], values["mark_places"], values["lap_m"]
     nearest = np.floor((np.arange(count) + 0.5) * places / count + 0.5) + np.zeros(uniform.shape)
     return nearest * lap_m / places, (nearest + uniform - 0.5) * lap_m / places

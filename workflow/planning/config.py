@@ -208,7 +208,8 @@ def resolve(config: Mapping[str, Any], root: Path = Path()) -> dict[str, Study]:
         for row in study.rows.values():
             for family in row.families:
                 known = study.families or study.recordings
-                _known(family, known, f"{key}.algorithms.{row.name}.families", "family of worlds")
+                part = "algorithms" if row.name in entries else "sweeps"
+                _known(family, known, f"{key}.{part}.{row.name}.families", "family of worlds")
         if "recordings" not in values:
             _check_synthetic(study, paper, root)
         studies[name] = study

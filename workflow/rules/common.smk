@@ -139,6 +139,9 @@ def latest_page():
     return sorted(there, key=lambda page: page.stat().st_mtime)[-1:]
 
 
+def claims_of_paper(study):
+    return read_yaml(Path("data/papers") / f"{STUDIES[study].paper}.yaml")["claims"]
+
+
 def claims_of(study):
-    paper = read_yaml(Path("data/papers") / f"{STUDIES[study].paper}.yaml")
-    return [claim for claim in paper["claims"] if claim["study"] == study]
+    return [claim for claim in claims_of_paper(study) if claim["study"] == study]

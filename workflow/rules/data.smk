@@ -23,12 +23,12 @@ rule calibrate:
         f"{RESULTS}/logs/calibrate/{{study}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/calibrate/{{study}}.tsv"
-    threads: 2
     conda:
         ENVIRONMENT
+    threads: 2
     params:
         families=lambda w: study_of(w).families,
-        steps=lambda w: study_of(w).calibration_steps(claims_of(w.study)),
+        steps=lambda w: study_of(w).calibration_steps(claims_of_paper(w.study)),
     message:
         "{wildcards.study}: calibrate on worlds of its own"
     script:

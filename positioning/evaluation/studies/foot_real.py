@@ -1,6 +1,11 @@
 """What recordings of real feet allow to say beside the error from a noted start: the shape of the track.
 
 See Frank et al., section 5.3, where inertial navigation alone is called no sensible approach.
+
+All recordings have one alignment: the first rest of at least 0.05 s, some ten readings, so that with every
+detector it is the one in which the recording begins. The shortest of these lasts 0.14 s; to ask for 0.2 s
+would begin that navigation a second later, in another stance. Rests below a second give roll and pitch but no
+bias of the gyroscope, of which they tell too little.
 """
 
 from collections.abc import Mapping
@@ -21,8 +26,8 @@ def measures(estimates: Mapping[str, Tree], worlds: Mapping[str, Tree]) -> pd.Da
     over all epochs that are scored. The noted place and direction of the start are thus out of it. What it
     contains is all else: the drift of the inertial filter; steps that a detector missed, added or reported
     after the epoch, which is the last still reading of a stance; and the jumps of the truth, up to 0.1 m. It
-    is no lower bound of the mean error from the noted start, as the fit minimises squares. A fit also takes up
-    some of a drift, the more the fewer the epochs; a recording with fewer than three has none.
+    is no lower bound of the mean error from the noted start, as the fit minimises squares. A fit also takes
+    up some of a drift, the more the fewer the epochs; a recording with fewer than three has none.
 
     Parameters
     ----------

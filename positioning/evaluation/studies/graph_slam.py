@@ -58,8 +58,8 @@ def measures(estimates: Mapping[str, Tree], worlds: Mapping[str, Tree]) -> pd.Da
         ``heading_sd_deg``: error of the direction from start to end of each walk against the first walk,
         where walks are lines. ``map_within_10m``, ``map_mean_m``: k-NN positions of the query on the radio
         map that the aligned walks make, tied by the fit; also for the maps `MAPS`. ``distance_near_db`` of
-        `SITES`: mean distance of scans taken `SPAN_M` apart. ``cost``, ``iterations``, ``edges`` and
-        ``aligned_walks`` as the algorithm keeps them.
+        `SITES`: mean distance of scans taken `SPAN_M` apart. ``cost``, ``iterations``, ``converged``,
+        ``edges`` and ``aligned_walks`` as the algorithm keeps them.
     """
     found = list(answers(estimates, worlds))
     parts = [lines(answer, _of_row(answer)) for answer in found]
@@ -123,7 +123,7 @@ def _of_row(answer: Answer) -> Iterator[Named]:
             rss_dbm.reshape(len(rss_dbm), -1, rss_dbm.shape[-1]),
             fitted_m.reshape(len(rss_dbm), -1, 2),
         )
-    for name in ("cost", "iterations"):
+    for name in ("cost", "iterations", "converged"):
         if f"extra_{name}" in answer.estimates:
             yield name, np.asarray(answer.estimates[f"extra_{name}"], dtype=float)[:, 0]
     if "extra_edges" in answer.estimates:

@@ -37,9 +37,9 @@ def measures(estimates: Mapping[str, Tree], worlds: Mapping[str, Tree]) -> pd.Da
     Returns
     -------
     DataFrame
-        In the outage of GPS, which a sweep over ``outage_s`` lengthens: ``outage_mean_m``, ``outage_max_m``
-        and ``outage_final_m``, horizontal; ``outage_height_m``, the largest error of the height;
-        ``outage_below_limit``, the share of its epochs with an error below `LIMIT_M`. Under GPS, from
+        In the outage of GPS, which a sweep over ``outage_s`` lengthens: those of `of_outage`, and
+        ``outage_below_limit``, the share of its epochs with an error below `LIMIT_M`; none where no epoch
+        falls into it. Under GPS, from
         `SETTLED_S` to the outage: ``gps_mean_m``, ``gps_rms_m``; ``gps_nees``, of nine states, 9 on average
         where the covariance is right. ``outage_nees`` is the same in the outage.
         ``nis_gps``, ``nis_fix``, ``nis_sighting``: normalised innovation squared per degree of freedom.
@@ -48,25 +48,68 @@ def measures(estimates: Mapping[str, Tree], worlds: Mapping[str, Tree]) -> pd.Da
     return table(lines(answer, _of_row(answer)) for answer in answers(estimates, worlds))
 
 
-def _of_row(answer: Answer) -> Iterator[Named]:
+def of_outage(answer: Answer, error_m: Values, inside: NDArray[np.bool_]) -> Iterator[Named]:
+    """Yield the errors in an outage of GPS; NaN where it has no epoch with a true place.
+
+    ``outage_mean_m``, ``outage_max_m`` and ``outage_final_m``, horizontal, and ``outage_height_m``, the
+    largest error of the height, of rows that keep it.
+
+    Parameters
+    ----------
+    answer
+        Of a row.
+    error_m
+        Horizontal, [w, n].
+    inside
+        Which epochs are in the outage, and have a true place, [w, n].
+    """
+    yield "outage_mean_m", mean_where(error_m, inside)
+    yield "outage_max_m", _largest(error_m, inside)
+    last = error_m.shape[1] - 1 - np.argmax(inside[:, ::-1], axis=1)
+    final_m = np.take_along_axis(error_m, last[:, None], axis=1)[:, 0]
+    yield "outage_final_m", np.where(inside.any(axis=1), final_m, np.nan)
+    if "extra_height_m" in answer.estimates and "truth.height_m" in answer.truth:
+        height_m = np.asarray(answer.estimates["extra_height_m"], dtype=float)
+        off_m = np.abs(height_m - np.asarray(answer.truth["truth.height_m"], dtype=float))
+        yield "outage_height_m", _largest(off_m, inside)
+
+
+def outage(answer: Answer) -> tuple[Values, Values, NDArray[np.bool_]]:
+    """Return when GPS is out, and where.
+
+    Parameters
+    ----------
+    answer
+        Of a row; a sweep whose name begins with ``outage`` varies the length in seconds.
+
+    Returns
+    -------
+    begin_s
+        [w, 1]; NaN without an outage.
+    error_m
+        Horizontal, [w, n]; NaN without a true place.
+    inside
+        Epochs after the begin, until the end, that have a true place, [w, n].
+    """
     time_s = np.asarray(answer.observed["recording.time_s"], dtype=float)
-    begin, end = np.asarray(answer.observed["recording.gps_outage_s"], dtype=float).T[:, :, None]
+    begin_s, end_s = np.asarray(answer.observed["recording.gps_outage_s"], dtype=float).T[:, :, None]
     if answer.row.startswith("outage") and np.isfinite(answer.value):
-        end = begin + answer.value
-    inside, before = (time_s > begin) & (time_s <= end), (time_s >= SETTLED_S) & (time_s <= begin)
+        end_s = begin_s + answer.value
     true_m = np.asarray(answer.truth["truth.position_m"], dtype=float)
     error_m = np.linalg.norm(np.asarray(answer.estimates["position_m"], dtype=float) - true_m, axis=-1)
-    yield "outage_mean_m", mean_where(error_m, inside)
-    yield "outage_max_m", np.max(np.where(inside, error_m, -np.inf), axis=1)
-    last = error_m.shape[1] - 1 - np.argmax(inside[:, ::-1], axis=1)
-    yield "outage_final_m", np.take_along_axis(error_m, last[:, None], axis=1)[:, 0]
+    known = np.isfinite(true_m).all(axis=-1)
+    return begin_s, error_m, (time_s > begin_s) & (time_s <= end_s) & known
+
+
+def _of_row(answer: Answer) -> Iterator[Named]:
+    begin_s, error_m, inside = outage(answer)
+    time_s = np.asarray(answer.observed["recording.time_s"], dtype=float)
+    before = (time_s >= SETTLED_S) & (time_s <= begin_s)
+    yield from of_outage(answer, error_m, inside)
     yield "outage_below_limit", share(error_m < LIMIT_M, inside)
     yield "gps_mean_m", mean_where(error_m, before)
     yield "gps_rms_m", np.sqrt(mean_where(np.square(error_m), before))
     if "extra_covariance_9" in answer.estimates:
-        height_m = np.asarray(answer.estimates["extra_height_m"], dtype=float)
-        off_m = np.abs(height_m - np.asarray(answer.truth["truth.height_m"], dtype=float))
-        yield "outage_height_m", np.max(np.where(inside, off_m, -np.inf), axis=1)
         nees = nees_of(answer)
         yield "gps_nees", mean_where(nees, before)
         yield "outage_nees", mean_where(nees, inside)
@@ -75,6 +118,12 @@ def _of_row(answer: Answer) -> Iterator[Named]:
             yield f"nis_{sensor}", np.asarray(answer.estimates[f"extra_nis_{sensor}"], dtype=float)
     if "extra_innovation_condition" in answer.estimates:
         yield "condition", np.log10(np.asarray(answer.estimates["extra_innovation_condition"], dtype=float))
+
+
+def _largest(values: Values, chosen: NDArray[np.bool_]) -> Values:
+    """Return the largest of the chosen entries, [w]; NaN where none is."""
+    most = np.max(np.where(chosen, values, -np.inf), axis=1)
+    return np.where(chosen.any(axis=1), most, np.nan)
 
 
 def nees_of(answer: Answer) -> Values:

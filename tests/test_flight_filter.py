@@ -1,0 +1,423 @@
+"""The flight filter: consistency in worlds of white noise, finite differences, equivalences, bad input."""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from positioning.errors import InputError
+from positioning.inertial.flight_filter import FlightFilter, FlightNavigation, check_flight, navigate_flight
+from positioning.inertial.geodetic import (
+    attitude_of,
+    position_scale_m,
+    readings,
+    roll_pitch_yaw,
+    to_geodetic,
+    to_local,
+    travelled,
+)
+from positioning.inertial.gps import antenna
+from positioning.inertial.landmarks import from_sensor_m, sighting_of
+from positioning.inertial.strapdown import rotation, rotation_vector
+from positioning.model import Recording, Site
+
+RATE_HZ = 100
+ORIGIN = np.array([0.6, 0.9, 120.0])
+DOWN = np.array([1.0, 1.0, -1.0])
+
+
+class True_(NamedTuple):
+    geodetic: Any
+    velocity_m_per_s: Any
+    attitude: Any
+    landmark_m: Any
+
+
+def world(
+    settings: FlightFilter,
+    *,
+    worlds: int = 24,
+    seconds: float = 40.0,
+    noise: float = 1.0,
+    seed: int = 0,
+    marks: int = 12,
+    bias: float = 0.0,
+) -> tuple[Recording, Site, True_]:
+    """Return flights whose noise is exactly what the settings say."""
+    rng, step_s = np.random.default_rng(seed), 1 / RATE_HZ
+    time_s = np.arange(round(seconds * RATE_HZ) + 1) * step_s
+    phase = rng.uniform(0, 2 * np.pi, (worlds, 1))
+    yaw = 2 * np.pi * time_s / 80 + phase + 0.2 * np.sin(0.7 * time_s)
+    speed = 4.8 + 0.8 * np.sin(0.3 * time_s + phase)
+    climb = 0.3 * np.sin(0.4 * time_s + phase)
+    velocity = np.stack([speed * np.cos(yaw), speed * np.sin(yaw), climb], axis=-1)
+    roll, pitch = 0.15 * np.sin(time_s + phase), 0.1 * np.cos(1.3 * time_s + phase)
+    attitude = attitude_of(np.stack([roll, pitch, yaw], axis=-1))
+    begin = np.concatenate([60 * np.sin(phase), -60 * np.cos(phase), 9 + 0 * phase], axis=1)
+    place = travelled(to_geodetic(begin, ORIGIN), velocity, step_s)
+    force, rate = readings(place, velocity, attitude, step_s)
+
+    def noisy(values: Any, sigma: Any) -> Any:
+        return values + noise * rng.standard_normal(values.shape) * np.asarray(sigma)
+
+    steady = bias * rng.standard_normal((worlds, 1, 6))
+    shaken = noisy(force, settings.force_noise_m_per_s2_per_rt_hz / np.sqrt(step_s))
+    shaken += settings.force_bias_m_per_s2 * steady[..., :3]
+    turning = noisy(rate, settings.rate_noise_rad_per_s_per_rt_hz / np.sqrt(step_s))
+    turning += settings.rate_bias_rad_per_s * steady[..., 3:]
+
+    each = np.arange(worlds)[:, None]
+    gps_s = np.arange(int(seconds) - 1) + rng.uniform(0.1, 0.9, (worlds, 1))
+    last = np.floor(gps_s * RATE_HZ).astype(int)
+    share = (gps_s * RATE_HZ - last)[..., None]
+
+    def between(values: Any) -> Any:
+        part = share if values.ndim == 3 else share[..., None]
+        return (1 - part) * values[each, last] + part * values[each, last + 1]
+
+    lever, sensor = np.tile([0.3, -0.1, -0.2], (worlds, 1)), np.tile([0.4, 0.0, 0.1], (worlds, 1))
+    gps, gps_speed = antenna(
+        between(place), between(velocity), between(attitude), rate[each, last], lever[:, None]
+    )
+    local = to_local(place, ORIGIN)
+    ned = local[..., [1, 0, 2]] * DOWN
+    seen_s = np.arange(0.2, seconds - 0.1, 0.2)
+    at = np.round(seen_s * RATE_HZ).astype(int)
+    mark = rng.uniform([-110, -110, -20], [110, 110, 0], (worlds, marks, 3))
+    seen = sighting_of(
+        from_sensor_m(mark[:, None], ned[:, at, None], attitude[:, at, None], sensor[:, None, None])
+    )
+    shape = (worlds, len(at), marks)
+    number = np.where(seen[..., 0] < 60.0, np.arange(marks), -1).reshape(worlds, -1)
+    sigma = [settings.range_sigma_m, settings.bearing_sigma_rad, settings.elevation_sigma_rad]
+    epochs = slice(0, None, RATE_HZ // 2)
+    fix = noisy(local[:, epochs, :2], settings.fix_sigma_m)
+    fix[:, ::2] = np.nan
+    scale = position_scale_m(place[:, 0])
+    tilt = rotation(noisy(np.zeros((worlds, 3)), settings.start_attitude_sigma_rad))
+    recording = Recording(
+        time_s=np.tile(time_s[epochs], (worlds, 1)),
+        imu_time_s=np.tile(time_s[1:], (worlds, 1)),
+        specific_force_m_per_s2=shaken,
+        angular_rate_rad_per_s=turning,
+        gps_time_s=gps_s,
+        gps_geodetic=noisy(gps, settings.gps_sigma_m / position_scale_m(gps)),
+        gps_velocity_m_per_s=noisy(gps_speed, settings.gps_velocity_sigma_m_per_s),
+        gps_lever_arm_m=lever,
+        gps_outage_s=np.tile([0.6 * seconds, 0.6 * seconds + 10.0], (worlds, 1)),
+        start_geodetic=noisy(place[:, 0], settings.start_sigma_m / scale),
+        start_velocity_m_per_s=noisy(velocity[:, 0], settings.start_velocity_sigma_m_per_s),
+        start_attitude_rad=roll_pitch_yaw(tilt @ attitude[:, 0]),
+        sighting_time_s=np.broadcast_to(seen_s[:, None], shape).reshape(worlds, -1),
+        sighting_landmark=number,
+        sighting=noisy(seen.reshape(worlds, -1, 3), sigma),
+        sighting_lever_arm_m=sensor,
+        fix_m=fix[:, :, None],
+    )
+    site = Site(corner_m=np.zeros((worlds, 2, 2)), origin_geodetic=np.tile(ORIGIN, (worlds, 1)))
+    return recording, site, True_(place[:, epochs], velocity[:, epochs], attitude[:, epochs], mark)
+
+
+def errors(found: FlightNavigation, truth: True_) -> Any:
+    """Return navigation less truth, in the nine states of the filter."""
+    moved = (found.geodetic - truth.geodetic) * position_scale_m(truth.geodetic)
+    turned = -rotation_vector(attitude_of(found.attitude_rad) @ truth.attitude.swapaxes(-1, -2))
+    return np.concatenate([moved, found.velocity_m_per_s - truth.velocity_m_per_s, turned], axis=-1)
+
+
+def normalised(error: Any, covariance: Any) -> Any:
+    return np.sum(error * np.linalg.solve(covariance, error[..., None])[..., 0], axis=-1)
+
+
+def one(parts: Any, number: int) -> Any:
+    taken = {
+        field.name: value[number : number + 1]
+        for field in dataclasses.fields(parts)
+        if (value := getattr(parts, field.name)) is not None
+    }
+    return dataclasses.replace(parts, **taken)
+
+
+OPTIONS: list[dict[str, Any]] = [
+    {},
+    {"slam": True},
+    {"fixes": True, "gps": False},
+    {"slam": True, "fixes": True, "states": 15},
+    {"model": "flat", "interpolation": "lagrange"},
+]
+
+
+@pytest.mark.parametrize("options", OPTIONS, ids=str)
+def test_the_filter_is_consistent(options: dict[str, Any]) -> None:
+    settings = FlightFilter(**options, rate_bias_rad_per_s=0.001)
+    recording, site, truth = world(settings, bias=float(settings.states == 15), worlds=40, seed=3)
+    found = navigate_flight(recording, site, settings)
+    error = errors(found, truth)
+    # 40 worlds of chi-square with 9 degrees of freedom, correlated in time: 0.67 for one epoch.
+    assert 7.5 < normalised(error, found.covariance)[:, 1:].mean() < 11.0
+    for name, wanted in (("gps", settings.gps), ("fix", settings.fixes), ("sighting", settings.slam)):
+        count = found.degrees_of_freedom[name]
+        if not wanted:
+            assert not count.any()
+            assert np.isnan(found.normalised_innovation_squared[name]).all()
+            continue
+        pooled = np.sum(found.normalised_innovation_squared[name] * count) / np.sum(count)
+        assert abs(pooled - 1.0) < max(0.07, 4 * np.sqrt(2 / count.sum()))
+    if settings.slam:
+        wrong = found.landmark_m - truth.landmark_m[:, :, [1, 0, 2]] * DOWN
+        there = np.isfinite(wrong).all(axis=-1)
+        assert there.mean() > 0.3
+        pooled = normalised(wrong[there], found.landmark_covariance_m2[there]).mean()
+        assert 2.0 < pooled < 4.2
+
+
+def test_without_noise_the_filter_returns_the_truth() -> None:
+    settings = FlightFilter(gps=False)
+    recording, site, truth = world(settings, worlds=2, seconds=120.0, noise=0.0)
+    found = navigate_flight(recording, site, settings)
+    error = errors(found, truth)
+    assert np.abs(error[..., :3]).max() < 1e-3
+    assert np.abs(error[..., 6:]).max() < 1e-7
+    local = to_local(truth.geodetic, ORIGIN)
+    np.testing.assert_allclose(found.position_m, local[..., :2], atol=1e-3)
+    np.testing.assert_allclose(found.height_m, local[..., 2], atol=1e-3)
+
+
+def test_faultless_sensors_leave_the_truth_as_it_is() -> None:
+    settings = FlightFilter(slam=True, fixes=True, states=15)
+    recording, site, truth = world(settings, worlds=2, noise=0.0)
+    found = navigate_flight(recording, site, settings)
+    # GPS lies between two readings: its place is that of the mean, off by the bend of the way.
+    assert np.abs(errors(found, truth)[..., :3]).max() < 2e-3
+    for name in ("gps", "fix", "sighting"):
+        assert found.normalised_innovation_squared[name].max() < 1e-3
+    wrong = found.landmark_m - truth.landmark_m[:, : found.landmark_m.shape[1], [1, 0, 2]] * DOWN
+    assert np.nanmax(np.abs(wrong)) < 5e-3
+
+
+def test_the_covariance_moves_as_the_navigation_does() -> None:
+    # Fast, so that the terms of the rotating ellipsoid count; the noise is off.
+    settings = FlightFilter(gps=False, force_noise_m_per_s2_per_rt_hz=0.0, rate_noise_rad_per_s_per_rt_hz=0.0)
+    recording, _, _ = world(settings, worlds=1, seconds=30.0, noise=0.0)
+    steps = np.array([5.0, 5.0, 5.0, 0.1, 0.1, 0.1, 1e-3, 1e-3, 1e-3])
+    shifts = np.concatenate([np.diag(steps), -np.diag(steps), np.zeros((1, 9))])
+    count = len(shifts)
+
+    def many(values: Any) -> Any:
+        return np.repeat(values, count, axis=0)
+
+    assert recording.start_geodetic is not None
+    assert recording.start_attitude_rad is not None
+    east = np.array([20.0, 60.0, 0.0])
+    scale = position_scale_m(recording.start_geodetic)
+    wide = Recording(
+        time_s=many(recording.time_s),
+        imu_time_s=many(recording.imu_time_s),
+        specific_force_m_per_s2=many(recording.specific_force_m_per_s2),
+        angular_rate_rad_per_s=many(recording.angular_rate_rad_per_s),
+        start_geodetic=recording.start_geodetic + shifts[:, :3] / scale,
+        start_velocity_m_per_s=east + shifts[:, 3:6],
+        start_attitude_rad=roll_pitch_yaw(
+            rotation(-shifts[:, 6:]) @ attitude_of(recording.start_attitude_rad)
+        ),
+    )
+    own = FlightFilter(
+        gps=False,
+        force_noise_m_per_s2_per_rt_hz=0.0,
+        rate_noise_rad_per_s_per_rt_hz=0.0,
+        start_sigma_m=(1.0, 2.0, 3.0),
+        start_velocity_sigma_m_per_s=(0.1, 0.2, 0.3),
+        start_attitude_sigma_rad=(0.01, 0.02, 0.03),
+    )
+    there = Site(corner_m=np.zeros((count, 2, 2)), origin_geodetic=many(ORIGIN[None]))
+    found = navigate_flight(wide, there, own)
+    last = True_(found.geodetic[-1:], found.velocity_m_per_s[-1:], attitude_of(found.attitude_rad[-1:]), None)
+    away = errors(found, last)[:, -1]
+    change = ((away[:9] - away[9:18]) / (2 * steps[:, None])).T
+    sigmas = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3, 0.01, 0.02, 0.03])
+    wanted = change @ np.diag(sigmas**2) @ change.T
+    spread = np.sqrt(np.diag(wanted))
+    got = found.covariance[-1, -1]
+    assert np.abs((got - wanted) / (spread[:, None] * spread)).max() < 2e-3
+    # The flat model leaves the terms of the earth out, and differs by more.
+    flat = navigate_flight(wide, there, dataclasses.replace(own, model="flat"))
+    assert np.abs((flat.covariance[-1, -1] - wanted) / (spread[:, None] * spread)).max() > 2e-3
+
+
+@pytest.mark.parametrize(
+    "options", [{"slam": True, "fixes": True, "states": 15}, {"closed_loop": False}], ids=str
+)
+def test_a_stack_is_its_recordings_one_by_one(options: dict[str, Any]) -> None:
+    settings = FlightFilter(**options)
+    recording, site, _ = world(settings, worlds=3, seconds=20.0)
+    found = navigate_flight(recording, site, settings)
+    alone = navigate_flight(one(recording, 1), one(site, 1), settings)
+    for name in ("geodetic", "velocity_m_per_s", "attitude_rad", "covariance"):
+        np.testing.assert_array_equal(getattr(found, name)[1], getattr(alone, name)[0])
+    np.testing.assert_array_equal(found.landmark_m[1, : alone.landmark_m.shape[1]], alone.landmark_m[0])
+
+
+def test_lagrange_of_order_zero_is_linear() -> None:
+    settings = FlightFilter()
+    recording, site, _ = world(settings, worlds=2, seconds=10.0)
+    line = navigate_flight(recording, site, settings)
+    zero = FlightFilter(interpolation="lagrange", interpolation_order=0)
+    same = navigate_flight(recording, site, zero)
+    np.testing.assert_allclose(same.position_m, line.position_m, rtol=0, atol=1e-12)
+    more = navigate_flight(recording, site, FlightFilter(interpolation="lagrange", interpolation_order=2))
+    assert 0 < np.abs(more.position_m - line.position_m).max() < 0.01
+
+
+def test_units_change_the_condition_but_hardly_the_navigation() -> None:
+    settings = FlightFilter()
+    recording, site, _ = world(settings, worlds=2, seconds=20.0)
+    metres = navigate_flight(recording, site, settings)
+    radians = navigate_flight(recording, site, FlightFilter(units="radians"))
+    np.testing.assert_allclose(radians.position_m, metres.position_m, atol=1e-4)
+    assert (metres.innovation_condition < 1e5).all()
+    assert (radians.innovation_condition > 1e12).all()
+
+
+def test_the_outage_is_an_outage() -> None:
+    settings = FlightFilter()
+    recording, site, truth = world(settings, worlds=20, seconds=40.0)
+    through = navigate_flight(recording, site, FlightFilter(outage_s=0.0))
+    out = navigate_flight(recording, site, settings)
+    before = through.time_s[0] < 24.0
+    np.testing.assert_array_equal(through.position_m[:, before], out.position_m[:, before])
+    end = np.searchsorted(through.time_s[0], 33.5)
+    spread = [
+        np.trace(found.covariance[:, end, :2, :2], axis1=-2, axis2=-1).mean() for found in (through, out)
+    ]
+    assert spread[1] > 3 * spread[0]
+    # What stands in the recording during the outage is not looked at.
+    assert recording.gps_geodetic is not None
+    assert recording.gps_time_s is not None
+    wrong = recording.gps_geodetic.copy()
+    wrong[(recording.gps_time_s >= 24.0) & (recording.gps_time_s < 34.0)] += 0.01
+    blind = navigate_flight(dataclasses.replace(recording, gps_geodetic=wrong), site, settings)
+    np.testing.assert_array_equal(blind.position_m, out.position_m)
+    # Landmarks mapped before bound the error in the outage.
+    mapped = navigate_flight(recording, site, FlightFilter(slam=True))
+    miss = [np.linalg.norm(errors(found, truth)[:, end, :2], axis=-1).mean() for found in (out, mapped)]
+    assert miss[1] < miss[0]
+
+
+def test_bias_feedback_finds_the_biases() -> None:
+    settings = FlightFilter(states=15, force_bias_m_per_s2=0.2, rate_bias_rad_per_s=0.01)
+    recording, site, _ = world(settings, worlds=6, noise=0.0, bias=1.0)
+    found = navigate_flight(recording, site, dataclasses.replace(settings, outage_s=0.0))
+    steady = np.random.default_rng(0)
+    steady.uniform(0, 2 * np.pi, (6, 1))
+    wanted = steady.standard_normal((6, 1, 6))[:, 0] * np.repeat([0.2, 0.01], 3)
+    np.testing.assert_allclose(found.bias[:, 3:], wanted[:, 3:], atol=0.004)
+    np.testing.assert_allclose(found.bias[:, 2], wanted[:, 2], atol=0.03)
+
+
+def test_a_shorter_recording_is_filled_up() -> None:
+    settings = FlightFilter(slam=True)
+    recording, site, _ = world(settings, worlds=2, seconds=20.0)
+    parts: dict[str, Any] = {}
+    for times in ("imu_time_s", "time_s", "gps_time_s", "sighting_time_s"):
+        values = getattr(recording, times).copy()
+        values[1, values[1] > 14.0 + 1e-9] = np.nan
+        parts[times] = values
+    force = np.array(recording.specific_force_m_per_s2)
+    force[1, 1400:] = np.nan
+    found = navigate_flight(
+        dataclasses.replace(recording, **parts, specific_force_m_per_s2=force), site, settings
+    )
+    whole = navigate_flight(recording, site, settings)
+    np.testing.assert_array_equal(found.position_m[0], whole.position_m[0])
+    np.testing.assert_allclose(found.position_m[1, :27], whole.position_m[1, :27], atol=1e-9)
+    assert np.isnan(found.position_m[1, 29:]).all()
+    assert np.isfinite(found.position_m[1, :29]).all()
+
+
+def test_landmarks_without_a_direction_are_skipped_and_counted() -> None:
+    settings = FlightFilter(slam=True)
+    recording, site, truth = world(settings, worlds=2, seconds=10.0)
+    seen, number = np.array(recording.sighting), np.array(recording.sighting_landmark)
+    first = np.flatnonzero(number[0] >= 0)[:2]
+    seen[0, first[0], 0] = 0.0
+    seen[0, first[1], 2] = np.pi / 2
+    found = navigate_flight(dataclasses.replace(recording, sighting=seen), site, settings)
+    np.testing.assert_array_equal(found.skipped_sightings, [2, 0])
+    assert np.isfinite(found.position_m).all()
+    assert np.abs(errors(found, truth)[..., :3]).max() < 20
+
+
+def spoiled(name: str, number: Any, value: Any) -> Any:
+    def spoil(recording: Recording) -> Recording:
+        values = np.array(getattr(recording, name))
+        values[number] = value
+        return dataclasses.replace(recording, **{name: values})
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("spoil", "options", "message"),
+    [
+        (spoiled("gps_time_s", (0, 0), -3.0), {}, "before the first inertial reading"),
+        (spoiled("gps_time_s", (0, 2), 0.5), {}, "does not increase"),
+        (spoiled("gps_outage_s", (0, 1), 900.0), {}, "longer than the flight"),
+        (spoiled("gps_outage_s", (0, 1), 0.0), {}, "ends before it begins"),
+        (lambda recording: recording, {"outage_s": 500.0}, "longer than the flight"),
+        (spoiled("start_geodetic", (0, 0), np.pi / 2), {}, "equator"),
+        (spoiled("start_attitude_rad", (1, 2), np.nan), {}, "not a finite number"),
+        (spoiled("specific_force_m_per_s2", (0, 5, 1), np.nan), {}, "not a finite number"),
+        (spoiled("angular_rate_rad_per_s", (0, 5, 1), np.inf), {}, "not a finite number"),
+        (spoiled("imu_time_s", (0, 5), 0.01), {}, "does not increase"),
+        (spoiled("imu_time_s", (0, slice(50, None)), 3.0), {}, "0.1 s|increase"),
+        (spoiled("imu_time_s", (0, 5), np.nan), {}, "missing or infinite"),
+        (spoiled("fix_m", (0, 5), np.inf), {"fixes": True}, "infinite"),
+        (spoiled("sighting", (0, 5), np.inf), {"slam": True}, "infinite"),
+        (lambda r: dataclasses.replace(r, gps_geodetic=None), {}, "gps_geodetic"),
+        (lambda r: dataclasses.replace(r, fix_m=None), {"fixes": True}, "fix_m"),
+        (lambda r: dataclasses.replace(r, sighting=None), {"slam": True}, "sighting"),
+        (lambda r: dataclasses.replace(r, gps_lever_arm_m=np.zeros(3)), {}, "gps_lever_arm_m"),
+        (lambda r: dataclasses.replace(r, gps_geodetic=np.zeros((2, 3, 3))), {}, "gps_geodetic"),
+        (lambda recording: recording, {"states": 12}, "9 or 15"),
+        (lambda recording: recording, {"model": "round"}, "model"),
+        (lambda recording: recording, {"units": "feet"}, "units"),
+        (lambda recording: recording, {"interpolation": "cubic"}, "interpolation"),
+        (lambda recording: recording, {"interpolation_order": -1}, "interpolation_order"),
+        (lambda recording: recording, {"gps_sigma_m": (1.0, 0.0, 1.0)}, "gps_sigma_m"),
+        (lambda recording: recording, {"noise_factor": -1.0}, "noise_factor"),
+    ],
+)
+def test_bad_input_is_refused(spoil: Any, options: dict[str, Any], message: str) -> None:
+    recording, site, _ = world(FlightFilter(), worlds=2, seconds=12.0)
+    check_flight(recording, site, FlightFilter(slam=True, fixes=True))
+    with pytest.raises(InputError, match=message):
+        navigate_flight(spoil(recording), site, FlightFilter(**options))
+
+
+def test_a_site_without_an_origin_is_refused() -> None:
+    recording, _, _ = world(FlightFilter(), worlds=2, seconds=12.0)
+    with pytest.raises(InputError, match="origin_geodetic"):
+        navigate_flight(recording, Site(corner_m=np.zeros((2, 2, 2))), FlightFilter())
+
+
+def test_readings_count_at_their_own_time() -> None:
+    # The place is known, the velocity is 5 m/s off: the first GPS tells it, if both times are the same.
+    settings = FlightFilter(
+        gps_sigma_m=(1e-3, 1e-3, 1e-3),
+        start_sigma_m=(1e-3, 1e-3, 1e-3),
+        start_velocity_sigma_m_per_s=(10.0, 10.0, 10.0),
+        start_attitude_sigma_rad=(1e-6, 1e-6, 1e-6),
+        force_noise_m_per_s2_per_rt_hz=1e-5,
+    )
+    recording, site, truth = world(settings, worlds=8, seconds=12.0, noise=0.0)
+    assert recording.start_velocity_m_per_s is not None
+    off = dataclasses.replace(
+        recording,
+        gps_velocity_m_per_s=None,
+        gps_outage_s=None,
+        start_velocity_m_per_s=recording.start_velocity_m_per_s + 5.0,
+    )
+    found = navigate_flight(off, site, settings)
+    assert found.time_s[0, 2] == 1.0
+    assert np.abs(errors(found, truth)[:, 2, 3:6]).max() < 0.03
