@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from positioning.errors import InputError
+from positioning.inertial import flight_filter
 from positioning.inertial.flight_filter import FlightFilter, FlightNavigation, check_flight, navigate_flight
 from positioning.inertial.geodetic import (
     attitude_of,
+    flat_transition,
     position_scale_m,
     readings,
     roll_pitch_yaw,
@@ -17,7 +19,7 @@ from positioning.inertial.geodetic import (
     to_local,
     travelled,
 )
-from positioning.inertial.gps import antenna
+from positioning.inertial.gps import antenna, observation_matrix
 from positioning.inertial.landmarks import from_sensor_m, sighting_of
 from positioning.inertial.strapdown import rotation, rotation_vector
 from positioning.model import Recording, Site
@@ -258,15 +260,155 @@ def test_a_stack_is_its_recordings_one_by_one(options: dict[str, Any]) -> None:
     np.testing.assert_array_equal(found.landmark_m[1, : alone.landmark_m.shape[1]], alone.landmark_m[0])
 
 
-def test_lagrange_of_order_zero_is_linear() -> None:
-    settings = FlightFilter()
-    recording, site, _ = world(settings, worlds=2, seconds=10.0)
-    line = navigate_flight(recording, site, settings)
-    zero = FlightFilter(interpolation="lagrange", interpolation_order=0)
-    same = navigate_flight(recording, site, zero)
-    np.testing.assert_allclose(same.position_m, line.position_m, rtol=0, atol=1e-12)
-    more = navigate_flight(recording, site, FlightFilter(interpolation="lagrange", interpolation_order=2))
-    assert 0 < np.abs(more.position_m - line.position_m).max() < 0.01
+def seen_by(monkeypatch: pytest.MonkeyPatch, recording: Recording, site: Site, settings: FlightFilter) -> Any:
+    """Return the matrices and the innovations of the GPS readings, [k, r, ...], of the filter itself."""
+    seen: list[tuple[Any, Any]] = []
+    take = flight_filter._Run._take
+
+    def taken(self: Any, kind: str, world: Any, observed: Any, mark: Any, innovation: Any, *rest: Any) -> Any:
+        seen.append((np.array(observed), np.array(innovation)))
+        return take(self, kind, world, observed, mark, innovation, *rest)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(flight_filter._Run, "_take", taken)
+        navigate_flight(recording, site, settings)
+    return tuple(np.array(part) for part in zip(*seen, strict=True))
+
+
+def shifted_starts(recording: Recording, shifts: Any) -> Recording:
+    """Return the first flight from starts that are off by errors [k, 9]."""
+    count = len(shifts)
+    taken = {
+        field.name: np.repeat(value[:1], count, axis=0)
+        for field in dataclasses.fields(recording)
+        if (value := getattr(recording, field.name)) is not None
+    }
+    place, attitude = taken["start_geodetic"], attitude_of(taken["start_attitude_rad"])
+    taken["start_geodetic"] = place + shifts[:, :3] / position_scale_m(place)
+    taken["start_velocity_m_per_s"] = taken["start_velocity_m_per_s"] + shifts[:, 3:6]
+    taken["start_attitude_rad"] = roll_pitch_yaw(rotation(-shifts[:, 6:]) @ attitude)
+    return dataclasses.replace(recording, **taken)
+
+
+def test_what_the_filter_observes_is_the_derivative_of_its_innovation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # GPS is at the end of the first step of the covariance.
+    recording, _, _ = world(FlightFilter(), worlds=1, seconds=2.0, noise=0.0)
+    assert recording.gps_geodetic is not None
+    assert recording.gps_velocity_m_per_s is not None
+    recording = dataclasses.replace(
+        recording,
+        time_s=np.array([[0.05]]),
+        fix_m=None,
+        gps_time_s=np.array([[0.05]]),
+        gps_geodetic=recording.gps_geodetic[:, :1],
+        gps_velocity_m_per_s=recording.gps_velocity_m_per_s[:, :1],
+        gps_lever_arm_m=np.array([[1.0, -2.0, 3.0]]),
+        gps_outage_s=None,
+    )
+    steps = np.repeat([1.0, 0.1, 1e-3], 3)
+    shifts = np.concatenate([np.diag(steps), -np.diag(steps), np.zeros((1, 9))])
+    many = shifted_starts(recording, shifts)
+    site = Site(corner_m=np.zeros((19, 2, 2)), origin_geodetic=np.tile(ORIGIN, (19, 1)))
+    observed, innovation = seen_by(monkeypatch, many, site, FlightFilter())
+    numeric = ((innovation[0, :9] - innovation[0, 9:18]) / (2 * steps[:, None])).T
+    force = attitude_of(many.start_attitude_rad)[-1] @ np.mean(many.specific_force_m_per_s2[-1, :5], axis=0)
+    change = flat_transition(force, 0.05)
+    # The earth and the turn within the step.
+    np.testing.assert_allclose(observed[0, -1] @ change, numeric, atol=5e-3)
+    assert np.abs(numeric[:, 6:]).max() > 1.0
+
+    # The library's matrix has rows and columns in radians, with the height up.
+    there = navigate_flight(many, site, FlightFilter(gps=False))
+    place, attitude = there.geodetic[-1, 0], attitude_of(there.attitude_rad[-1, 0])
+    scale = position_scale_m(place)
+    down = np.array([1, 1, -1, 1, 1, 1])
+    for units in ("metres", "radians"):
+        own, _ = seen_by(monkeypatch, many, site, FlightFilter(units=units))
+        wanted = observation_matrix(
+            place, attitude, many.angular_rate_rad_per_s[-1, 4], many.gps_lever_arm_m[-1], units=units
+        )
+        wanted[:, :3] /= scale
+        wanted *= down[:, None]
+        # In radians the rows of the position are small. The frame turns by 7e-5 rad/s, the arm has 3.7 m.
+        rows = np.abs(wanted).max(axis=1, keepdims=True)
+        np.testing.assert_allclose(own[0, -1] / rows, wanted / rows, atol=3e-4)
+
+
+def test_the_flat_model_of_the_filter_is_that_of_the_library() -> None:
+    sigmas = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3, 0.01, 0.02, 0.03])
+    settings = FlightFilter(
+        gps=False,
+        model="flat",
+        force_noise_m_per_s2_per_rt_hz=0.0,
+        rate_noise_rad_per_s_per_rt_hz=0.0,
+        covariance_hz=12.5,
+        start_sigma_m=(1.0, 2.0, 3.0),
+        start_velocity_sigma_m_per_s=(0.1, 0.2, 0.3),
+        start_attitude_sigma_rad=(0.01, 0.02, 0.03),
+    )
+    level = attitude_of([0.2, -0.1, 2.0])
+    force = np.array([3.0, -20.0, 5.0])
+    recording = Recording(
+        time_s=np.array([[0.0, 0.08]]),
+        imu_time_s=np.array([[0.04, 0.08]]),
+        specific_force_m_per_s2=np.tile(level.T @ force, (1, 2, 1)),
+        angular_rate_rad_per_s=np.zeros((1, 2, 3)),
+        start_geodetic=ORIGIN[None],
+        start_velocity_m_per_s=np.zeros((1, 3)),
+        start_attitude_rad=np.array([[0.2, -0.1, 2.0]]),
+    )
+    site = Site(corner_m=np.zeros((1, 2, 2)), origin_geodetic=ORIGIN[None])
+    change = flat_transition(force, 0.08)
+    wanted = change @ np.diag(sigmas**2) @ change.T
+    found = navigate_flight(recording, site, settings).covariance[0, -1]
+    spread = np.sqrt(np.diag(wanted))
+    # The navigation frame turns by 6e-6 rad on the way.
+    np.testing.assert_allclose(found / np.outer(spread, spread), wanted / np.outer(spread, spread), atol=1e-5)
+
+
+def test_lagrange_meets_a_reading_between_samples_and_a_line_cuts_the_bend(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # To and fro along the meridian; samples 80 ms apart, GPS halfway, and of no weight.
+    step_s, turn_rad_per_s, most_m_per_s = 0.08, np.pi, 5.0
+    time_s = np.arange(126) * step_s
+
+    def speed(at_s: Any) -> Any:
+        sine = most_m_per_s * np.sin(turn_rad_per_s * at_s)
+        return np.stack([sine, 0 * sine, 0 * sine], axis=-1)
+
+    velocity = speed(time_s)
+    attitude = np.tile(np.eye(3), (len(time_s), 1, 1))
+    place = travelled(ORIGIN, velocity, step_s)
+    force, rate = readings(place, velocity, attitude, step_s)
+    gps_s = time_s[20:100] + 0.5 * step_s
+    recording = Recording(
+        time_s=time_s[None, ::10],
+        imu_time_s=time_s[None, 1:],
+        specific_force_m_per_s2=force[None],
+        angular_rate_rad_per_s=rate[None],
+        start_geodetic=place[None, 0],
+        start_velocity_m_per_s=velocity[None, 0],
+        start_attitude_rad=np.zeros((1, 3)),
+        gps_time_s=gps_s[None],
+        gps_geodetic=place[None, 20:100],
+        gps_velocity_m_per_s=speed(gps_s)[None],
+    )
+    site = Site(corner_m=np.zeros((1, 2, 2)), origin_geodetic=ORIGIN[None])
+    weak = FlightFilter(gps_sigma_m=(1e9, 1e9, 1e9), gps_velocity_sigma_m_per_s=(1e9, 1e9, 1e9))
+    most = []
+    for order in (None, 1, 2):
+        settings = weak
+        if order is not None:
+            settings = dataclasses.replace(weak, interpolation="lagrange", interpolation_order=order)
+        _, innovation = seen_by(monkeypatch, recording, site, settings)
+        most.append(np.abs(innovation[:, 0, 3]).max())
+    # Errors of interpolation halfway, by the next derivative: h^2 / 8, 3 h^4 / 128, 5 h^6 / 1024.
+    bend = turn_rad_per_s * step_s
+    wanted = most_m_per_s * np.array([bend**2 / 8, 3 * bend**4 / 128, 5 * bend**6 / 1024])
+    np.testing.assert_allclose(most, wanted, rtol=0.05)
 
 
 def test_units_change_the_condition_but_hardly_the_navigation() -> None:
@@ -357,6 +499,47 @@ def spoiled(name: str, number: Any, value: Any) -> Any:
     return spoil
 
 
+def early(times: str, name: str, value: float) -> Any:
+    """Put the first reading of the second flight before its start."""
+
+    def spoil(recording: Recording) -> Recording:
+        return spoiled(name, (1, 0), value)(spoiled(times, (1, 0), -0.01)(recording))
+
+    return spoil
+
+
+def slowed(recording: Recording, world: int, factor: float) -> Recording:
+    """Let the inertial readings of one flight come at another rate."""
+    time_s = np.array(recording.imu_time_s)
+    time_s[world] *= factor
+    return dataclasses.replace(recording, imu_time_s=time_s)
+
+
+def cut(recording: Recording, count: int) -> Recording:
+    """Let the second flight end after so many readings."""
+    time_s = np.array(recording.imu_time_s)
+    time_s[1, count:] = np.nan
+    return dataclasses.replace(recording, imu_time_s=time_s, gps_outage_s=None)
+
+
+def test_what_does_not_count_may_stand_before_the_start() -> None:
+    settings = FlightFilter(slam=True, fixes=True)
+    recording, site, _ = world(settings, worlds=2, seconds=12.0)
+    none = early("sighting_time_s", "sighting_landmark", -1)(early("time_s", "fix_m", np.nan)(recording))
+    check_flight(none, site, settings)
+    # Nor does a refused one matter to a filter that does not look at it.
+    both = early("sighting_time_s", "sighting_landmark", 3)(early("time_s", "fix_m", 0.0)(recording))
+    check_flight(both, site, FlightFilter())
+
+
+def test_flights_of_a_slower_unit_are_navigated_alone() -> None:
+    recording, site, _ = world(FlightFilter(), worlds=2, seconds=12.0)
+    slow = slowed(recording, 1, 2.0)
+    check_flight(one(slow, 1), one(site, 1), FlightFilter())
+    # A little jitter is no other rate.
+    check_flight(slowed(recording, 1, 1.01), site, FlightFilter())
+
+
 @pytest.mark.parametrize(
     ("spoil", "options", "message"),
     [
@@ -374,6 +557,18 @@ def spoiled(name: str, number: Any, value: Any) -> Any:
         (spoiled("imu_time_s", (0, 5), np.nan), {}, "missing or infinite"),
         (spoiled("fix_m", (0, 5), np.inf), {"fixes": True}, "infinite"),
         (spoiled("sighting", (0, 5), np.inf), {"slam": True}, "infinite"),
+        (early("time_s", "fix_m", 0.0), {"fixes": True}, r"fix_m\[1, 0\].* before the first inertial"),
+        (
+            early("sighting_time_s", "sighting_landmark", 3),
+            {"slam": True},
+            "sighting_time_s.* before the",
+        ),
+        (lambda r: slowed(r, 1, 2.0), {}, "one by one"),
+        (
+            lambda r: cut(r, 5),
+            {"interpolation": "lagrange", "interpolation_order": 3},
+            "fewer readings than the 7",
+        ),
         (lambda r: dataclasses.replace(r, gps_geodetic=None), {}, "gps_geodetic"),
         (lambda r: dataclasses.replace(r, fix_m=None), {"fixes": True}, "fix_m"),
         (lambda r: dataclasses.replace(r, sighting=None), {"slam": True}, "sighting"),

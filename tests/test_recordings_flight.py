@@ -202,7 +202,9 @@ def test_gps_and_reference_do_not_tell_the_lever_arm():
     at_m = np.stack([np.interp(pose_s[used], gps_s, antenna_m[:, axis]) for axis in range(2)], axis=-1)
     attitude = attitude_of(truth["truth.attitude_rad"][0][used])
     found = [
-        np.sqrt(np.mean(np.sum((at_m - ned(attitude @ arm)[:, :2] - truth["truth.path_m"][0][used]) ** 2, -1)))
+        np.sqrt(
+            np.mean(np.sum((at_m - ned(attitude @ arm)[:, :2] - truth["truth.path_m"][0][used]) ** 2, -1))
+        )
         for arm in (*ARMS_M.values(), -ARMS_M["turned"])
     ]
     assert_allclose(found, [1.00, 1.13, 1.37, 0.84], atol=0.01)
