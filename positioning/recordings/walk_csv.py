@@ -5,6 +5,7 @@ calibration how received strength goes with distance.
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -144,7 +145,7 @@ def _check_order(table: Table, time_s: Array) -> None:
         )
 
 
-def _motion(table: Table, time_s: Array) -> dict[str, Array]:
+def _motion(table: Table, time_s: Array) -> dict[str, Any]:
     """Return the columns of the motion, [n] each; none where the table has none."""
     if not any(name in table.column for name in MOTION_COLUMNS):
         return {}

@@ -238,7 +238,7 @@ def _motion(
     drawn: Sequence[Mapping[str, Any]],
     odometer_scale: Array,
     residual: Array,
-) -> dict[str, Array]:
+) -> dict[str, Any]:
     """Return the readings of gyroscope and encoder, [world, sample]."""
     rate_hz = values["motion_rate_hz"]
     time_s = np.arange(values["samples"]) / rate_hz
