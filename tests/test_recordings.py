@@ -439,7 +439,8 @@ def test_register_of_the_project():
     assert sum(record.source == "wifi_rtt_rss_rooms" for record in records) == 3 * len(
         wifi_rtt_rss_rooms.AREAS
     )
-    assert {record.kind for record in records} == {"real"}
+    # The Manhattan world of the pose graphs is a simulation that others have published.
+    assert {record.file for record in records if record.kind != "real"} == {"M3500.txt"}
     assert not re.search(r"https?:|www\.", REGISTER.read_text(encoding="utf-8"))
 
 
