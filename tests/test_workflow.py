@@ -35,6 +35,7 @@ class Middle(RegressorMixin, BaseEstimator):
         return np.tile(self.middle_, (len(rss_dbm), 1))
 '''
 OUTCOMES = {
+    "fingerprint_loo: score all rows",
     "fingerprint_loo: compare all algorithms",
     "fingerprint_loo: judge the paper's claims",
     "fingerprint_loo: draw the figures",
@@ -49,7 +50,7 @@ OUTCOMES = {
 
 
 def jobs(row: str) -> set[str]:
-    return {f"fingerprint_loo: {what} {row} on worlds from 00000" for what in ("run", "score")}
+    return {f"fingerprint_loo: run {row} on worlds from 00000"}
 
 
 def is_run(message: str) -> bool:
@@ -155,7 +156,7 @@ def test_a_row_that_raises_is_named_and_the_others_are_kept(copy: Project) -> No
     assert done.returncode != 0
     for part in ("study fingerprint_loo", "row middle", "shift_m", "0.25", "worlds [0, 1]", "no middle"):
         assert part in said
-    assert (copy.folder / "results/errors/fingerprint_loo/nearest_neighbour/00000.parquet").is_file()
+    assert (copy.folder / "results/estimates/fingerprint_loo/nearest_neighbour/00000.npz").is_file()
     assert not (copy.folder / "results/estimates/fingerprint_loo/middle/00000.npz").exists()
     assert not list((copy.folder / "results").rglob(".tmp-*"))
     (copy.folder / "algorithms/fingerprinting/middle.py").write_text(NEW, encoding="utf-8")

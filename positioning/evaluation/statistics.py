@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import betaincinv, stdtrit
 
 CONFIDENCE = 0.95
 
@@ -49,14 +49,16 @@ def prediction_interval(values: NDArray[np.float64]) -> Interval:
     n = len(values)
     if n < 2:
         return Interval(float("-inf"), float("inf"), CONFIDENCE)
-    half = stats.t.ppf((1 + CONFIDENCE) / 2, n - 1) * np.std(values, ddof=1) * np.sqrt(1 + 1 / n)
+    half = stdtrit(n - 1, (1 + CONFIDENCE) / 2) * np.std(values, ddof=1) * np.sqrt(1 + 1 / n)
     return Interval(float(np.mean(values) - half), float(np.mean(values) + half), CONFIDENCE)
 
 
 def share_interval(successes: int, n: int) -> Interval:
     """Return the exact (Clopper-Pearson) 95 % confidence interval of a share."""
-    bounds = stats.binomtest(successes, n).proportion_ci(CONFIDENCE, method="exact")
-    return Interval(float(bounds.low), float(bounds.high), CONFIDENCE)
+    tail = (1 - CONFIDENCE) / 2
+    low = betaincinv(successes, n - successes + 1, tail) if successes else 0.0
+    high = betaincinv(successes + 1, n - successes, 1 - tail) if successes < n else 1.0
+    return Interval(float(low), float(high), CONFIDENCE)
 
 
 def mean_interval(values: NDArray[np.float64]) -> Interval:
@@ -64,7 +66,7 @@ def mean_interval(values: NDArray[np.float64]) -> Interval:
     n = len(values)
     if n < 2:
         return Interval(float("nan"), float("nan"), 0.0)
-    half = stats.t.ppf((1 + CONFIDENCE) / 2, n - 1) * np.std(values, ddof=1) / np.sqrt(n)
+    half = stdtrit(n - 1, (1 + CONFIDENCE) / 2) * np.std(values, ddof=1) / np.sqrt(n)
     return Interval(float(np.mean(values) - half), float(np.mean(values) + half), CONFIDENCE)
 
 

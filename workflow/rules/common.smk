@@ -117,14 +117,14 @@ def batches_of_rows():
 
 
 def study_outputs(study):
-    raw = [
-        f"{RESULTS}/{what}/{study}/{row}/{batch}.{ending}"
-        for what, ending in (("estimates", "npz"), ("errors", "parquet"))
+    estimates = [
+        f"{RESULTS}/estimates/{study}/{row}/{batch}.npz"
         for row in STUDIES[study].rows
         for batch in STUDIES[study].batches(row)
     ]
     return [
-        *raw,
+        *estimates,
+        f"{RESULTS}/errors/{study}",
         f"{RESULTS}/tables/{study}.csv",
         f"{RESULTS}/claims/{study}.csv",
         f"{RESULTS}/figures/{study}",

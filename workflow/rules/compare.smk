@@ -3,7 +3,7 @@
 
 rule compare:
     input:
-        errors=of_all_rows(f"{RESULTS}/errors/{{study}}/{{row}}/{{batch}}.parquet"),
+        errors=f"{RESULTS}/errors/{{study}}",
         estimates=of_all_rows(f"{RESULTS}/estimates/{{study}}/{{row}}/{{batch}}.npz"),
         paper=lambda w: f"data/papers/{study_of(w).paper}.yaml",
         extra=lambda w: extra_measures(w.study),
@@ -58,7 +58,7 @@ rule claims:
 rule figures:
     input:
         measures=f"{RESULTS}/measures/{{study}}.parquet",
-        errors=of_all_rows(f"{RESULTS}/errors/{{study}}/{{row}}/{{batch}}.parquet"),
+        errors=f"{RESULTS}/errors/{{study}}",
         estimates=first_of_table_rows(
             f"{RESULTS}/estimates/{{study}}/{{row}}/{{batch}}.npz"
         ),

@@ -58,7 +58,7 @@ if __name__ == "__main__":
             snakemake.params.table,
             snakemake.params.families,
             {
-                "errors": snakemake.input.errors,
+                "errors": sorted(map(str, Path(snakemake.input.errors).rglob("*.parquet"))),
                 "estimates": snakemake.input.estimates,
                 "worlds": [p for p in snakemake.input.get("extra", []) if p.endswith(".npz")],
             },

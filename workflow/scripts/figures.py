@@ -56,7 +56,7 @@ if __name__ == "__main__":
             snakemake.params.rows,
             snakemake.params.sweeps,
             snakemake.input.measures,
-            snakemake.input.errors,
+            sorted(map(str, Path(snakemake.input.errors).rglob("*.parquet"))),
             {"observed": observed, "truth": truth},
             snakemake.input.paper,
             snakemake.output[0],
