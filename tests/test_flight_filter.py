@@ -260,14 +260,50 @@ def test_a_stack_is_its_recordings_one_by_one(options: dict[str, Any]) -> None:
     np.testing.assert_array_equal(found.landmark_m[1, : alone.landmark_m.shape[1]], alone.landmark_m[0])
 
 
+@pytest.mark.parametrize("options", [{"states": 15, "fixes": True}, {"closed_loop": False}], ids=str)
+def test_shortcuts_change_nothing_but_the_rounding(
+    monkeypatch: pytest.MonkeyPatch, options: dict[str, Any]
+) -> None:
+    settings = FlightFilter(slam=True, **options)
+    recording, site, _ = world(settings, worlds=2, seconds=30.0, marks=20)
+    rough = navigate_flight(recording, site, settings)
+    # The earth looked at in every step.
+    monkeypatch.setattr(flight_filter, "_EARTH_S", 0.0)
+    found = navigate_flight(recording, site, settings)
+    np.testing.assert_allclose(rough.position_m, found.position_m, atol=2e-5)
+    np.testing.assert_allclose(rough.height_m, found.height_m, atol=2e-4)
+    # Readings and sightings one after the other, and shared covariances moved in every step.
+    propagate = flight_filter._Run._propagate
+
+    def at_once(self: Any, *arguments: Any) -> None:
+        propagate(self, *arguments)
+        self._settle(np.arange(self.worlds))
+
+    monkeypatch.setattr(flight_filter, "_TOGETHER", 1)
+    monkeypatch.setattr(flight_filter, "_AT_ONCE", 1)
+    monkeypatch.setattr(flight_filter._Run, "_propagate", at_once)
+    plain = navigate_flight(recording, site, settings)
+    assert found.degrees_of_freedom["sighting"].min() > 300
+    np.testing.assert_array_equal(found.degrees_of_freedom["sighting"], plain.degrees_of_freedom["sighting"])
+    np.testing.assert_allclose(found.position_m, plain.position_m, atol=2e-6)
+    np.testing.assert_allclose(found.landmark_m, plain.landmark_m, atol=2e-6)
+    np.testing.assert_allclose(found.bias, plain.bias, atol=1e-7)
+    spread = np.sqrt(np.einsum("rnii->rni", plain.covariance))
+    off = (found.covariance - plain.covariance) / (spread[..., None] * spread[..., None, :])
+    assert np.abs(off).max() < 1e-5
+    np.testing.assert_allclose(found.landmark_covariance_m2, plain.landmark_covariance_m2, atol=1e-6)
+    for name, nis in plain.normalised_innovation_squared.items():
+        np.testing.assert_allclose(found.normalised_innovation_squared[name], nis, rtol=1e-4)
+
+
 def seen_by(monkeypatch: pytest.MonkeyPatch, recording: Recording, site: Site, settings: FlightFilter) -> Any:
     """Return the matrices and the innovations of the GPS readings, [k, r, ...], of the filter itself."""
     seen: list[tuple[Any, Any]] = []
     take = flight_filter._Run._take
 
-    def taken(self: Any, kind: str, world: Any, observed: Any, mark: Any, innovation: Any, *rest: Any) -> Any:
+    def taken(self: Any, kind: str, world: Any, observed: Any, innovation: Any, variance: Any) -> Any:
         seen.append((np.array(observed), np.array(innovation)))
-        return take(self, kind, world, observed, mark, innovation, *rest)
+        return take(self, kind, world, observed, innovation, variance)
 
     with monkeypatch.context() as patch:
         patch.setattr(flight_filter._Run, "_take", taken)

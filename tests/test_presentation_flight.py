@@ -12,10 +12,12 @@ from conftest import ROOT
 
 from positioning.evaluation.measures import MEASURES
 from positioning.evaluation.results import StudyResults
-from positioning.evaluation.studies.sar_flight import LIMIT_M, measures
+from positioning.evaluation.studies.sar_flight import LIMIT_M, SETTLED_S, measures
 from positioning.files import read_tree, read_yaml, write_tree
 from positioning.inertial.geodetic import to_geodetic
 from positioning.presentation import figures
+from positioning.presentation.studies.flight_real import TRACKS
+from positioning.presentation.studies.sar_flight import LENGTHS, NOISE_ROWS
 from positioning.presentation.style import KNOWN, contrast, difference, drawing
 
 PAPER = read_yaml(ROOT / "data/papers/robo_sar.yaml")
@@ -355,6 +357,37 @@ def test_sweeps_are_drawn_at_their_values(drawn):
     assert "1e+03 at 0.01" in drawn["noise"].alt
 
 
+def test_a_sweep_takes_from_the_table_what_it_need_not_run_again(study):
+    rows = CONFIG["sar_flight"]["algorithms"]
+    assert {row: rows[row].get("noise_factor", 1) for row in NOISE_ROWS.values()} == {
+        row: factor for factor, row in NOISE_ROWS.items()
+    }
+    # Without 30 s, the length of the recorded outage, and in two worlds of three; and without a factor of 1.
+    part = kept(
+        study,
+        lambda m: (
+            ~(m["algorithm"].isin(list(LENGTHS)) & ((m["value"] == 30) | (m["world"] == 2)))
+            & ~((m["algorithm"] == "noise_gps") & (m["value"] == 1))
+        ),
+    )
+    found = {item.name: item for item in figures.draw(part)}
+    mean, _ = found["outage_length"].figure.axes
+    inside = (TIME_S > BEGIN_S) & (TIME_S <= END_S)
+    for row, _ in LENGTHS.values():
+        (curve,) = [
+            line
+            for line in mean.get_lines()
+            if line.get_color() == KNOWN[row].color and len(line.get_xdata()) == 3
+        ]
+        np.testing.assert_allclose(curve.get_xdata(), [10, 20, 30], rtol=0.06)
+        assert curve.get_ydata()[2] == pytest.approx(off_m(row, "white")[:2, inside].mean())
+    under = found["noise"].figure.axes[0]
+    (curve,) = [line for line in under.get_lines() if len(line.get_xdata()) == 3]
+    np.testing.assert_allclose(curve.get_xdata(), [0.01, 1, 100])
+    before = (TIME_S >= SETTLED_S) & (TIME_S <= BEGIN_S)
+    assert curve.get_ydata()[1] == pytest.approx(off_m("gps_inertial", "white")[:, before].mean())
+
+
 def test_variants_are_paired_and_conditions_stand_below(drawn):
     under, inside, condition = drawn["variants"].figure.axes
     rows = [label.get_text().split("\n")[0] for label in under.get_yticklabels()]
@@ -535,6 +568,18 @@ def test_errors_of_the_rover_over_time_and_in_the_outage(real):
         ]
         np.testing.assert_allclose(x, levels)
     assert "n = 2 recordings with 10 or 20 epochs" in found["outage"].caption
+
+
+def test_the_page_of_the_rover_tells_how_large_the_innovations_are(real):
+    def caption(*nis):
+        lines = [("rover", row, np.nan, 0, "nis_gps", x) for row, x in zip(TRACKS, nis, strict=True)]
+        measured = pd.concat([real.measures, pd.DataFrame(lines, columns=MEASURES)], ignore_index=True)
+        return next(d for d in figures.draw(replace(real, measures=measured)) if d.name == "errors").caption
+
+    assert "gps_inertial 1.5, gps_inertial_15 0.04" in caption(1.5, 0.04)
+    assert "too large for this receiver, by a factor of about 5 if" in caption(1.5, 0.04)
+    assert "too large" not in caption(1.5, 0.9)
+    assert "innovation" not in next(d for d in figures.draw(real) if d.name == "errors").caption
 
 
 def test_a_rover_without_estimates_outages_or_rows_is_enough(real):

@@ -146,6 +146,29 @@ def test_a_recording_has_the_errors_in_its_outage_where_its_truth_is_known() -> 
     assert value_of(frame, "outage_final_m") == pytest.approx(5)
 
 
+def test_innovations_of_a_drive_are_told_with_and_without_an_outage() -> None:
+    estimates, worlds = trees(OFF_M, "row", NAN, {"nis_gps": [0.05]})
+    assert value_of(flight_real.measures(estimates, worlds), "nis_gps") == 0.05
+    whole = {name: values for name, values in OBSERVED.items() if name != "recording.gps_outage_s"}
+    worlds["d/00000/observed.npz"] = {"white": whole}
+    frame = flight_real.measures(estimates, worlds)
+    assert frame["metric"].tolist() == ["nis_gps"]
+
+
+def test_a_track_lags_by_the_time_that_it_is_behind() -> None:
+    # The robot flies 2 m/s east and 1 m/s south; the row stands 3, 1 and 2 m east of where it is.
+    lag_s = -np.mean([1.0, 2.0, 3.0]) * 2 / 5
+    assert value_of(made(OFF_M), "gps_lag_s") == pytest.approx(lag_s)
+    late_m = np.stack([-2.0 * np.full(EPOCHS, 0.7), np.full(EPOCHS, 0.7)], axis=-1)
+    estimates, worlds = trees(np.zeros(EPOCHS), "row", NAN, {})
+    (step,) = (tree["white/0"] for tree in estimates.values())
+    step["estimate.position_m"] = PATH_M[None] + late_m
+    assert value_of(measures(estimates, worlds), "gps_lag_s") == pytest.approx(0.7)
+    still = TRUTH | {"truth.velocity_m_per_s": np.zeros((1, EPOCHS, 3))}
+    worlds["d/00000/truth.npz"] = {"white": still}
+    assert "gps_lag_s" not in set(measures(estimates, worlds)["metric"])
+
+
 def test_the_share_below_the_limit_counts_epochs_of_the_outage() -> None:
     assert value_of(made(np.full(EPOCHS, LIMIT_M - 0.01)), "outage_below_limit") == 1
     assert value_of(made(np.full(EPOCHS, LIMIT_M + 0.01)), "outage_below_limit") == 0

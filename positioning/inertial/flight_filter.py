@@ -26,12 +26,14 @@ from positioning.inertial.geodetic import (
     RATE_BIAS,
     VELOCITY,
     Strapdown,
+    Together,
     attitude_of,
     fill_metric_error_dynamics,
     metres_per_unit,
     position_scale_m,
     roll_pitch_yaw,
     to_local,
+    together,
 )
 from positioning.inertial.gps import UNITS, lagrange_weights, metric_observation_matrix, usable_gps
 from positioning.inertial.landmarks import (
@@ -58,6 +60,12 @@ _CONDITION_EVERY = 10
 # Readings that are prepared at a time.
 _BLOCK = 500
 _LANDMARKS_A_BLOCK = 8
+# Sightings of a flight that are taken in at a time.
+_TOGETHER = 6
+# So often what hangs on place and velocity by way of the earth is taken anew: 1e-7 of gravity in that time.
+_EARTH_S = 0.2
+# Most inertial readings that the strapdown goes through at once.
+_AT_ONCE = 10
 _NED_OF_ENU = np.array([1, 0, 2])
 _DOWN = np.array([1.0, 1.0, -1.0])
 
@@ -233,7 +241,10 @@ class FlightNavigation:
 
 
 class _Readings(NamedTuple):
-    """Inertial readings made ready, worlds last: [i, ...]; those after the end last 0 s."""
+    """Inertial readings made ready, worlds last: [i, ...]; those after the end last 0 s.
+
+    There are as many as whole steps of the covariance need.
+    """
 
     force_m_per_s2: Array
     rate_rad_per_s: Array
@@ -404,12 +415,12 @@ class _Run:
 
     def __init__(self, recording: Recording, site: Site, settings: FlightFilter) -> None:
         self.recording, self.settings = recording, settings
-        self.readings = _ready(recording)
-        self.worlds = self.readings.duration_s.shape[1]
         self.origin = np.asarray(site.origin_geodetic, dtype=np.float64)
         self.states = settings.states
         # `check_flight` has seen that all flights have the same.
         self.stride = int(_strides(np.asarray(recording.imu_time_s, np.float64), settings.covariance_hz)[0])
+        self.readings = _ready(recording, self.stride)
+        self.worlds = self.readings.duration_s.shape[1]
         self.window = _window(settings)
         self.marks, self.landmarks = _landmark_counts(recording) if settings.slam else (0, 0)
         self.mover = Strapdown(
@@ -419,10 +430,17 @@ class _Run:
         )
         size, worlds = self.states + 3 * self.landmarks, self.worlds
         self.covariance = np.zeros((worlds, size, size))
+        self.scratch = np.empty_like(self.covariance)
+        # Transition of the vehicle's errors since what it shares with the landmarks was moved.
+        self.pending = np.tile(np.eye(self.states), (worlds, 1, 1))
         self._start_covariance()
         # Estimate of the error of the navigation as it stands, zero after a correction.
         self.error = np.zeros((worlds, size))
         self.bias = np.zeros((6, worlds))
+        self.step_s = np.cumsum(self.readings.duration_s.reshape(-1, self.stride, worlds), axis=1)[:, -1]
+        self.per_s = 1.0 / np.where(self.step_s > 0, self.step_s, 1.0)
+        # Velocity increment of the specific force over a step.
+        self.force_advance = np.zeros((3, worlds))
         self.map = np.zeros((worlds, self.landmarks, 3))
         self.known = np.zeros((worlds, self.landmarks), dtype=np.bool_)
         self.dynamics = np.zeros((worlds, self.states, self.states))
@@ -460,36 +478,38 @@ class _Run:
         count = len(self.readings.duration_s)
         biases = self.states == 15
         block = max(1, _BLOCK // self.stride) * self.stride
-        made, from_reading = None, 0
+        every = max(1, int(_EARTH_S * self.settings.covariance_hz))
+        # The strapdown goes through as many readings at once as divide a step of the covariance.
+        at_once = max(size for size in range(1, _AT_ONCE + 1) if self.stride % size == 0)
+        ready: list[Together] = []
         # The epochs at the start, before any reading: all slots hold the start.
         for event in plan.get(-1, ()):
             self._write(event, 0)
         for step, first in enumerate(range(0, count, self.stride)):
-            last = min(first + self.stride, count)
+            last = first + self.stride
             if first % block == 0:
-                part, from_reading = slice(first, first + block), first
+                part = slice(first, first + block)
                 made = increments(
                     np.moveaxis(self.readings.force_m_per_s2[part], 1, 2),
                     np.moveaxis(self.readings.rate_rad_per_s[part], 1, 2),
                     self.readings.duration_s[part],
                     biases=biases,
                 )
-            assert made is not None
-            mover = self.mover
-            mover.look_around()
-            mover.force_advance[...] = 0.0
-            self.place[: self.kept] = self.place[-self.kept :]
-            self.speed[: self.kept] = self.speed[-self.kept :]
-            self.turned[: self.kept] = self.turned[-self.kept :]
-            for reading in range(first, last):
-                own = reading - from_reading
-                mean = None if made.mean_rotation_s is None else made.mean_rotation_s[own]
-                mover.advance(made.turn_and_advance[own], made.duration_s[own], mean, self.bias)
-                slot = self.kept + reading - first
-                self.place[slot] = mover.geodetic
-                self.speed[slot] = mover.velocity_m_per_s
-                self.turned[slot] = mover.attitude
-            self._propagate(first, last)
+                ready = together(made, at_once)
+            mover, anew = self.mover, step % every == 0
+            if anew:
+                mover.look_around()
+            self.force_advance[...] = 0.0
+            for slots in (self.place, self.speed, self.turned):
+                slots[: self.kept] = slots[-self.kept :]
+            for slot in range(self.kept, len(self.place), at_once):
+                own = (first % block + slot - self.kept) // at_once
+                way = mover.advance_together(ready[own], self.bias if biases else None)
+                self.place[slot : slot + at_once] = way.geodetic
+                self.speed[slot : slot + at_once] = way.velocity_m_per_s
+                self.turned[slot : slot + at_once] = way.attitude
+                self.force_advance += way.force_advance
+            self._propagate(first, last, anew)
             # Number of the state in the first slot.
             offset = first + 1 - self.kept
             events = plan.get(step, ())
@@ -570,75 +590,94 @@ class _Run:
             weight[before] = np.eye(width)[0]
         step = (begin + width - 2) // self.stride
         step[before] = -1
-        # Several readings of one world in one step follow each other.
-        order = np.lexsort((index, world, step))
-        step, world, index = step[order], world[order], index[order]
-        fresh = np.ones(len(order), dtype=np.bool_)
-        fresh[1:] = (step[1:] != step[:-1]) | (world[1:] != world[:-1])
-        position = np.arange(len(order))
-        slot = position - np.maximum.accumulate(np.where(fresh, position, 0))
-        again = np.lexsort((world, slot, step))
-        step, slot = step[again], slot[again]
-        cuts = np.flatnonzero((np.diff(step) != 0) | (np.diff(slot) != 0)) + 1
-        order = order[again]
-        for group in np.split(np.arange(len(order)), cuts):
-            taken = order[group]
-            event = _Event(
-                kind, world[again][group], index[again][group], state[taken], weight[taken], times[taken]
-            )
-            plan.setdefault(int(step[group[0]]), []).append(event)
+        turn = self._turns(kind, step, world, index)
+        order = np.lexsort((index, world, turn, step))
+        step, turn = step[order], turn[order]
+        cuts = np.flatnonzero((np.diff(step) != 0) | (np.diff(turn) != 0)) + 1
+        parts = (np.split(part[order], cuts) for part in (world, index, state, weight, times))
+        for number, *group in zip(step[np.append(0, cuts)], *parts, strict=True):
+            plan.setdefault(int(number), []).append(_Event(kind, *group))
 
-    def _propagate(self, first: int, last: int) -> None:
+    def _turns(self, kind: str, step: Whole, world: Whole, index: Whole) -> Whole:
+        """Return which readings of a step are taken in together, by increasing numbers.
+
+        One each a world, but of sightings as many as `_TOGETHER`, each of another landmark: the first of a
+        landmark may make it part of the state.
+        """
+        if kind != "sighting":
+            return _rank(index, step, world)
+        assert self.recording.sighting_landmark is not None
+        number = np.asarray(self.recording.sighting_landmark, dtype=np.intp)[world, index]
+        again = _rank(index, step, world, number)
+        part = _rank(index, step, world, again) // _TOGETHER
+        return np.asarray(again * (part.max() + 1) + part, dtype=np.intp)
+
+    def _propagate(self, first: int, last: int, anew: bool) -> None:
         """Move the covariance over a step, and keep its dynamics.
 
-        See Mirzababaei & Akbari, eqs. 14, 17 and 18 (to second order in time), and 54.
+        See Mirzababaei & Akbari, eqs. 14, 17 and 18 (to second order in time), and 54. What vehicle and
+        landmarks have in common waits for the next reading: `_settle`.
         """
         mover, states, dynamics = self.mover, self.states, self.dynamics
-        duration = np.sum(self.readings.duration_s[first:last], axis=0)
-        per_s = 1.0 / np.where(duration > 0, duration, 1.0)
-        if self.settings.model == "geodetic":
-            fill_metric_error_dynamics(dynamics, mover.around, mover.velocity_m_per_s)
-        else:
+        duration, per_s = self.step_s[first // self.stride], self.per_s[first // self.stride]
+        if self.settings.model == "flat":
             dynamics[:, range(3), range(3, 6)] = 1.0
-        dynamics[:, VELOCITY, ATTITUDE] = cross_matrix((mover.force_advance * per_s).T)
+        elif anew:
+            fill_metric_error_dynamics(dynamics, mover.around, mover.velocity_m_per_s)
+        dynamics[:, VELOCITY, ATTITUDE] = cross_matrix((self.force_advance * per_s).T)
         if states == 15:
             matrix = 0.5 * (self.turned[self.kept - 1] + self.turned[self.kept + last - first - 1])
             matrix = matrix.transpose(2, 0, 1)
             dynamics[:, VELOCITY, FORCE_BIAS] = matrix
             dynamics[:, ATTITUDE, RATE_BIAS] = -matrix
-            dynamics[:, range(9, 15), range(9, 15)] = -1.0 / self.settings.bias_time_s
+            np.einsum("rii->ri", dynamics)[:, 9:] = -1.0 / self.settings.bias_time_s
         change = dynamics * duration[:, None, None]
         change += 0.5 * (change @ change)
-        change[:, range(states), range(states)] += 1.0
+        np.einsum("rii->ri", change)[...] += 1.0
         covariance = self.covariance
         vehicle = covariance[:, :states, :states]
-        vehicle[:, range(states), range(states)] += self.density * duration[:, None]
+        np.einsum("rii->ri", vehicle)[...] += self.density * duration[:, None]
         vehicle[...] = change @ vehicle @ change.swapaxes(1, 2)
         if self.landmarks:
-            cross = change @ covariance[:, :states, states:]
-            covariance[:, :states, states:] = cross
-            covariance[:, states:, :states] = cross.swapaxes(1, 2)
+            self.pending = change @ self.pending
         if not self.settings.closed_loop:
             self.error[:, :states] = (change @ self.error[:, :states, None])[..., 0]
+
+    def _settle(self, world: Whole) -> None:
+        """Move what vehicle and landmarks have in common over the steps since the last reading of worlds."""
+        states, covariance = self.states, self.covariance
+        if len(world) == self.worlds:
+            cross = self.pending @ covariance[:, :states, states:]
+            covariance[:, :states, states:] = cross
+            covariance[:, states:, :states] = cross.swapaxes(1, 2)
+        else:
+            cross = self.pending[world] @ covariance[world, :states, states:]
+            covariance[world, :states, states:] = cross
+            covariance[world, states:, :states] = cross.swapaxes(1, 2)
+        self.pending[world] = np.eye(states)
 
     def _update(self, events: list[_Event], offset: int, last: int) -> None:
         """Take in the readings of a step, correct, and write the epochs down."""
         end_s = self.readings.state_time_s[last]
-        changed = False
-        for event in events:
-            if event.kind == "epoch":
-                continue
-            back = (
-                np.eye(self.states)
-                - self.dynamics[event.world] * ((end_s[event.world] - event.time_s)[:, None, None])
-            )
-            {"gps": self._gps, "fix": self._fix, "sighting": self._sighting}[event.kind](event, offset, back)
-            changed = True
-        if changed and self.settings.closed_loop:
+        readings = [event for event in events if event.kind != "epoch"]
+        if readings and self.landmarks:
+            self._settle(np.unique(np.concatenate([event.world for event in readings])))
+        for event in readings:
+            take = {"gps": self._gps, "fix": self._fix, "sighting": self._sighting}[event.kind]
+            take(event, offset, end_s[event.world] - event.time_s)
+        if readings and self.settings.closed_loop:
             self._correct()
         for event in events:
             if event.kind == "epoch":
                 self._write(event, offset)
+
+    def _at_end(self, observed: Array, world: Whole, ago_s: Array) -> Array:
+        """Return derivatives by the errors now of what hangs on those some time ago, [m, p, s]."""
+        parts = observed.shape[-1]
+        now = observed @ self.dynamics[world, :parts]
+        now *= -ago_s[:, None, None]
+        now[..., :parts] += observed
+        return np.asarray(now)
 
     def _at(self, event: _Event, offset: int) -> tuple[Array, Array, Array]:
         """Return geodetic position, velocity and attitude of the navigation at the times of an event.
@@ -652,7 +691,7 @@ class _Run:
         turned = np.sum(weight[..., None] * self.turned[slot, :, :, world], axis=1)
         return place, speed, turned
 
-    def _gps(self, event: _Event, offset: int, back: Array) -> None:
+    def _gps(self, event: _Event, offset: int, ago_s: Array) -> None:
         """Take in GPS; see Mirzababaei & Akbari, eqs. 27 to 36.1 and 52."""
         recording, settings, world, index = self.recording, self.settings, event.world, event.item
         place, speed, turned = self._at(event, offset)
@@ -679,15 +718,13 @@ class _Run:
             per_row = np.ones_like(innovation)
             per_row[:, :3] = 1.0 / np.abs(scale)
             observed, innovation, sigma = observed * per_row[..., None], innovation * per_row, sigma * per_row
-        variance = self._take(
-            "gps", world, observed @ back, None, innovation, sigma**2, np.zeros(len(world), np.intp)
-        )
+        variance = self._take("gps", world, self._at_end(observed, world, ago_s), innovation, sigma**2)
         some = np.flatnonzero(index % _CONDITION_EVERY == 0)
         if len(some):
             number = np.linalg.cond(variance[some])
             self.condition[world[some]] = np.fmax(self.condition[world[some]], number)
 
-    def _fix(self, event: _Event, offset: int, back: Array) -> None:
+    def _fix(self, event: _Event, offset: int, ago_s: Array) -> None:
         """Take in a position in the plane."""
         place, _, _ = self._at(event, offset)
         world = event.world
@@ -697,9 +734,9 @@ class _Run:
         observed = np.broadcast_to(np.eye(2, self.states), (len(world), 2, self.states))
         innovation = local[:, 1::-1] - fix[:, ::-1]
         variance = np.full(innovation.shape, self.settings.fix_sigma_m**2)
-        self._take("fix", world, observed @ back, None, innovation, variance, np.zeros(len(world), np.intp))
+        self._take("fix", world, self._at_end(observed, world, ago_s), innovation, variance)
 
-    def _sighting(self, event: _Event, offset: int, back: Array) -> None:
+    def _sighting(self, event: _Event, offset: int, ago_s: Array) -> None:
         """Take in the sighting of a landmark, or make it part of the state.
 
         See Mirzababaei & Akbari, eqs. 44 to 51, and section 4 for a landmark that is new.
@@ -715,20 +752,6 @@ class _Run:
         lever = np.zeros((len(world), 3)) if levers is None else np.asarray(levers, np.float64)[world]
         sigma = np.array([settings.range_sigma_m, settings.bearing_sigma_rad, settings.elevation_sigma_rad])
         known = self.known[world, number]
-
-        fresh = np.flatnonzero(~known)
-        if len(fresh):
-            sure = has_direction(relative_m(seen[fresh]))
-            np.add.at(self.skipped, world[fresh[~sure]], 1)
-            fresh = fresh[sure]
-        if len(fresh):
-            self._augment(
-                world[fresh],
-                number[fresh],
-                first_sight(local[fresh], turned[fresh], lever[fresh], seen[fresh]),
-                back[fresh],
-                sigma,
-            )
         again = np.flatnonzero(known)
         if len(again):
             relative = from_sensor_m(
@@ -742,27 +765,78 @@ class _Run:
             by_vehicle, by_landmark = observation_matrices(
                 self.map[one, mark], local[again], turned[again], lever[again]
             )
-            observed = by_vehicle @ back[again, :9]
             innovation = sighting_of(relative) - seen[again]
             innovation[:, 1] = (innovation[:, 1] + np.pi) % (2 * np.pi) - np.pi
-            variance = np.broadcast_to(sigma**2, innovation.shape)
-            self._take("sighting", one, observed, by_landmark, innovation, variance, mark)
+            observed = self._at_end(by_vehicle, one, ago_s[again])
+            self._take_sightings(one, mark, observed, by_landmark, innovation, sigma**2)
+        fresh = np.flatnonzero(~known)
+        if len(fresh):
+            sure = has_direction(relative_m(seen[fresh]))
+            np.add.at(self.skipped, world[fresh[~sure]], 1)
+            fresh = fresh[sure]
+        # One after the other: what two have in common is part of the second one's covariance.
+        rank = _rank(fresh, world[fresh])
+        for turn in range(int(rank.max(initial=-1)) + 1):
+            new = fresh[rank == turn]
+            landmark, by_vehicle, by_sighting = first_sight(local[new], turned[new], lever[new], seen[new])
+            by_state = self._at_end(by_vehicle, world[new], ago_s[new])
+            self._augment(world[new], number[new], landmark, by_state, by_sighting * sigma)
 
-    def _augment(
+    def _take_sightings(
         self,
         world: Whole,
-        number: Whole,
-        sight: tuple[Array, Array, Array],
-        back: Array,
-        sigma: Array,
+        mark: Whole,
+        observed: Array,
+        by_landmark: Array,
+        innovation: Array,
+        variance: Array,
     ) -> None:
-        """Make landmarks part of the state, with their covariance with everything else."""
-        landmark, by_vehicle, by_sighting = sight
-        by_state = by_vehicle @ back[:, :9]
+        """Take in sightings of known landmarks, at most `_TOGETHER` a world, in one step.
+
+        See Mirzababaei & Akbari, eqs. 55 to 59. Filled up with sightings that tell nothing, so that the
+        rounding of a flight does not hang on what others of its stack see.
+        """
+        states, number = self.states, np.unique(world)
+        # Nothing changes where nothing is seen; most of a stack is cheaper to move in place than to pick.
+        if 2 * len(number) > self.worlds:
+            number = np.arange(self.worlds)
+        count, every = len(number), np.searchsorted(number, world)
+        slot = np.arange(len(world)) - np.searchsorted(world, world)
+        vehicle = np.zeros((count, _TOGETHER, 3, states))
+        landmark = np.zeros((count, _TOGETHER, 3, 3))
+        rows = np.zeros((count, _TOGETHER, 3), dtype=np.intp)
+        left, spreads = np.zeros((count, _TOGETHER, 3)), np.ones((count, _TOGETHER, 3))
+        vehicle[every, slot], landmark[every, slot] = observed, by_landmark
+        rows[every, slot] = states + 3 * mark[:, None] + np.arange(3)
+        left[every, slot], spreads[every, slot] = innovation, variance
+        parts = 3 * _TOGETHER
+        flat = vehicle.reshape(count, parts, states)
+        whole = count == self.worlds
+        covariance = self.covariance if whole else self.covariance[number]
+        error = self.error if whole else self.error[number]
+        each = np.arange(count)[:, None, None]
+        row_gain = flat @ covariance[:, :states]
+        # Symmetric: the rows lie together in memory.
+        row_gain.reshape(count, _TOGETHER, 3, -1)[...] += landmark @ covariance[each, rows]
+        spread = flat @ row_gain[:, :, :states].swapaxes(1, 2)
+        spread += (landmark @ row_gain.swapaxes(1, 2)[each, rows]).reshape(count, parts, parts)
+        left -= (vehicle @ error[:, None, :states, None])[..., 0]
+        left -= (landmark @ error[each, rows][..., None])[..., 0]
+        self._lower(
+            "sighting",
+            number,
+            row_gain,
+            spread,
+            left.reshape(count, parts),
+            spreads.reshape(count, parts),
+            3 * np.bincount(every, minlength=count),
+        )
+
+    def _augment(self, world: Whole, number: Whole, landmark: Array, by_state: Array, noisy: Array) -> None:
+        """Make landmarks part of the state, one a world, with their covariance with everything else."""
         states = self.states
         rows = states + 3 * number[:, None] + np.arange(3)
         crossed = by_state @ self.covariance[world, :states]
-        noisy = by_sighting * sigma
         own = crossed[:, :, :states] @ by_state.swapaxes(1, 2) + noisy @ noisy.swapaxes(1, 2)
         self.covariance[world[:, None], rows] = crossed
         self.covariance[world[:, None], :, rows] = crossed
@@ -771,50 +845,43 @@ class _Run:
         self.error[world[:, None], rows] = (by_state @ self.error[world, :states, None])[..., 0]
         self.known[world, number] = True
 
-    def _take(
-        self,
-        kind: str,
-        world: Whole,
-        observed: Array,
-        by_landmark: Array | None,
-        innovation: Array,
-        variance: Array,
-        number: Whole,
-    ) -> Array:
+    def _take(self, kind: str, world: Whole, observed: Array, innovation: Array, variance: Array) -> Array:
         """Take in one reading in some worlds; return the covariance of the innovation.
 
         See Mirzababaei & Akbari, eqs. 55 to 59.
         """
-        states, everyone = self.states, len(world) == self.worlds
-        covariance = self.covariance if everyone else self.covariance[world]
-        error = self.error if everyone else self.error[world]
-        gain_row = covariance[:, :, :states] @ observed.swapaxes(1, 2)
-        known = (observed @ error[:, :states, None])[..., 0]
-        if by_landmark is not None:
-            rows = states + 3 * number[:, None] + np.arange(3)
-            each = np.arange(len(world))[:, None]
-            # Symmetric: the rows lie together in memory.
-            gain_row += covariance[each, rows].swapaxes(1, 2) @ by_landmark.swapaxes(1, 2)
-            known += (by_landmark @ error[each, rows][..., None])[..., 0]
-        spread = observed @ gain_row[:, :states]
-        if by_landmark is not None:
-            spread += by_landmark @ gain_row[each, rows]
+        states = self.states
+        row_gain = observed @ self.covariance[world, :states]
+        spread = observed @ row_gain[:, :, :states].swapaxes(1, 2)
+        left = innovation - (observed @ self.error[world, :states, None])[..., 0]
+        degrees = np.full(len(world), innovation.shape[1])
+        return self._lower(kind, world, row_gain, spread, left, variance, degrees)
+
+    def _lower(
+        self,
+        kind: str,
+        world: Whole,
+        row_gain: Array,
+        spread: Array,
+        left: Array,
+        variance: Array,
+        degrees: Whole,
+    ) -> Array:
+        """Move errors and covariances of some worlds by an innovation; return its covariance."""
         spread = 0.5 * (spread + spread.swapaxes(1, 2))
-        parts = innovation.shape[1]
+        parts = left.shape[1]
         spread[:, range(parts), range(parts)] += variance
         inverse = np.linalg.inv(spread)
-        gain = gain_row @ inverse
-        left = innovation - known
-        moved = (gain @ left[..., None])[..., 0]
-        lower = gain @ gain_row.swapaxes(1, 2)
-        if everyone:
+        gain = inverse @ row_gain
+        moved = (left[:, None] @ gain)[:, 0]
+        if len(world) == self.worlds:
             self.error += moved
-            self.covariance -= lower
+            self.covariance -= np.matmul(row_gain.swapaxes(1, 2), gain, out=self.scratch)
         else:
-            self.error[world] = error + moved
-            self.covariance[world] = covariance - lower
+            self.error[world] += moved
+            self.covariance[world] -= row_gain.swapaxes(1, 2) @ gain
         self.spread[kind][world] += (left[:, None] @ inverse @ left[..., None])[:, 0, 0]
-        self.degrees[kind][world] += parts
+        self.degrees[kind][world] += degrees
         return np.asarray(spread)
 
     def _correct(self) -> None:
@@ -879,17 +946,20 @@ class _Run:
         return replace(found, normalised_innovation_squared=normalised, degrees_of_freedom=self.degrees)
 
 
-def _ready(recording: Recording) -> _Readings:
+def _ready(recording: Recording, stride: int) -> _Readings:
     time_s = np.asarray(recording.imu_time_s, dtype=np.float64)
     there = np.isfinite(time_s)
     length = np.count_nonzero(there, axis=1)
     start = 2 * time_s[:, 0] - time_s[:, 1]
     ends = time_s[np.arange(len(time_s)), length - 1]
-    states_s = np.concatenate([start[:, None], np.where(there, time_s, ends[:, None])], axis=1).T
+    more = -time_s.shape[1] % stride
+    there = np.pad(there, ((0, 0), (0, more)))
+    times_s = np.where(there, np.pad(time_s, ((0, 0), (0, more))), ends[:, None])
+    states_s = np.concatenate([start[:, None], times_s], axis=1).T
 
     def parts(values: Array | None) -> Array:
-        filled = np.where(there[..., None], np.asarray(values, dtype=np.float64), 0.0)
-        return np.ascontiguousarray(np.moveaxis(filled, 0, -1))
+        whole = np.pad(np.asarray(values, dtype=np.float64), ((0, 0), (0, more), (0, 0)))
+        return np.ascontiguousarray(np.moveaxis(np.where(there[..., None], whole, 0.0), 0, -1))
 
     return _Readings(
         parts(recording.specific_force_m_per_s2),
@@ -904,6 +974,19 @@ def _strides(imu_time_s: Array, covariance_hz: float) -> Whole:
     """Return how many readings a step of the covariance comprises, [w], by the median interval of each."""
     step_s = np.nanmedian(np.diff(imu_time_s, axis=1), axis=1)
     return np.asarray(np.maximum(1, np.rint(1.0 / (covariance_hz * step_s))), dtype=np.intp)
+
+
+def _rank(index: Whole, *keys: Whole) -> Whole:
+    """Return how many with the same keys have a smaller index, [m]."""
+    order = np.lexsort((index, *keys[::-1]))
+    position = np.arange(len(order))
+    fresh = np.zeros(len(order), dtype=np.bool_)
+    fresh[:1] = True
+    for key in keys:
+        fresh[1:] |= np.diff(key[order]) != 0
+    rank = np.empty_like(position)
+    rank[order] = position - np.maximum.accumulate(np.where(fresh, position, 0))
+    return rank
 
 
 def _window(settings: FlightFilter) -> int:

@@ -1,10 +1,11 @@
-"""What is looked at in a recorded drive whose GPS is cut out: the errors in the outage.
+"""What is looked at in a recorded drive whose GPS is cut out: errors in the outage, innovations of GPS.
 
 See Mirzababaei & Akbari, section 3; the paper has no recording, and prints no figure of a flight.
 """
 
 from collections.abc import Mapping
 
+import numpy as np
 import pandas as pd
 
 from positioning.evaluation.studies.sar_flight import of_outage, outage
@@ -13,10 +14,12 @@ from positioning.files import Tree
 
 
 def measures(estimates: Mapping[str, Tree], worlds: Mapping[str, Tree]) -> pd.DataFrame:
-    """Return the errors in the outage of every row and recording, columns ``MEASURES``.
+    """Return what is looked at of every row and recording, columns ``MEASURES``.
 
-    See Mirzababaei & Akbari, section 3. They are those of `sar_flight.of_outage`, against the reference of
-    the recording; a recording without an outage has none.
+    See Mirzababaei & Akbari, section 3. The errors in the outage are those of `sar_flight.of_outage`, against
+    the reference of the recording; a recording without an outage has none. ``nis_gps`` is the normalised
+    innovation squared of GPS per degree of freedom, of rows that use it: 1 where the filter's deviations of
+    GPS are right, less where they are too large.
 
     Parameters
     ----------
@@ -30,4 +33,7 @@ def measures(estimates: Mapping[str, Tree], worlds: Mapping[str, Tree]) -> pd.Da
         if "recording.gps_outage_s" in answer.observed:
             _, error_m, inside = outage(answer)
             parts.append(lines(answer, of_outage(answer, error_m, inside)))
+        if "extra_nis_gps" in answer.estimates:
+            nis = np.asarray(answer.estimates["extra_nis_gps"], dtype=float)
+            parts.append(lines(answer, [("nis_gps", nis)]))
     return table(parts)

@@ -39,9 +39,9 @@ def measures(estimates: Mapping[str, Tree], worlds: Mapping[str, Tree]) -> pd.Da
     DataFrame
         In the outage of GPS, which a sweep over ``outage_s`` lengthens: those of `of_outage`, and
         ``outage_below_limit``, the share of its epochs with an error below `LIMIT_M`; none where no epoch
-        falls into it. Under GPS, from
-        `SETTLED_S` to the outage: ``gps_mean_m``, ``gps_rms_m``; ``gps_nees``, of nine states, 9 on average
-        where the covariance is right. ``outage_nees`` is the same in the outage.
+        falls into it. Under GPS, from `SETTLED_S` to the outage: ``gps_mean_m``, ``gps_rms_m``;
+        ``gps_lag_s``, that of `lag_s`; ``gps_nees``, of nine states, 9 on average where the covariance is
+        right. ``outage_nees`` is the same in the outage.
         ``nis_gps``, ``nis_fix``, ``nis_sighting``: normalised innovation squared per degree of freedom.
         ``condition``: logarithm to base ten of the condition number of the innovation covariance.
     """
@@ -109,6 +109,8 @@ def _of_row(answer: Answer) -> Iterator[Named]:
     yield "outage_below_limit", share(error_m < LIMIT_M, inside)
     yield "gps_mean_m", mean_where(error_m, before)
     yield "gps_rms_m", np.sqrt(mean_where(np.square(error_m), before))
+    if "truth.velocity_m_per_s" in answer.truth:
+        yield "gps_lag_s", lag_s(answer, before & np.isfinite(error_m))
     if "extra_covariance_9" in answer.estimates:
         nees = nees_of(answer)
         yield "gps_nees", mean_where(nees, before)
@@ -118,6 +120,33 @@ def _of_row(answer: Answer) -> Iterator[Named]:
             yield f"nis_{sensor}", np.asarray(answer.estimates[f"extra_nis_{sensor}"], dtype=float)
     if "extra_innovation_condition" in answer.estimates:
         yield "condition", np.log10(np.asarray(answer.estimates["extra_innovation_condition"], dtype=float))
+
+
+def lag_s(answer: Answer, chosen: NDArray[np.bool_]) -> Values:
+    """Return by how much a track lags behind: the shift in time that leaves the least horizontal error, [w].
+
+    See Mirzababaei & Akbari, section 3, which speaks of a time lag. To first order an error ``e`` of a lag
+    ``t`` at the velocity ``v`` is ``-v t``, so that least squares has ``t = -sum(e v) / sum(v v)``; negative
+    where the track is ahead, NaN where nothing moves.
+
+    Parameters
+    ----------
+    answer
+        Of a row, with a true velocity.
+    chosen
+        Epochs, [w, n].
+    """
+    off_m, velocity = (
+        np.where(chosen[..., None], np.asarray(values, dtype=float), 0.0)
+        for values in (
+            np.asarray(answer.estimates["position_m"], dtype=float) - answer.truth["truth.position_m"],
+            answer.truth["truth.velocity_m_per_s"][..., 1::-1],
+        )
+    )
+    squared = np.sum(np.square(velocity), axis=(1, 2))
+    moves = squared > 0
+    along = np.sum(off_m * velocity, axis=(1, 2))
+    return np.where(moves, -along / np.where(moves, squared, 1.0), np.nan)
 
 
 def _largest(values: Values, chosen: NDArray[np.bool_]) -> Values:

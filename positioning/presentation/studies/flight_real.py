@@ -25,6 +25,9 @@ TRACKS = ("gps_inertial", "gps_inertial_15")
 LEAST_M = 0.05
 """Below this a logarithmic axis ends."""
 
+FAR_BELOW = 0.5
+"""Where the normalised innovation squared is below, the page says that deviations are too large; assumed."""
+
 REFERENCE = (
     "The reference is the publishers' own fusion of the same sensors, not a survey, and GPS lies about 1 m"
     " off it; where it has not settled at the start no error is taken."
@@ -93,7 +96,7 @@ def draw(results: StudyResults) -> list[Drawn]:
     """
     study = Study.of(results)
     drives = [drive for family in study.families if (drive := _drive(study, family)) is not None]
-    drawn = [_track(drives), _errors(drives), _outage(drives)]
+    drawn = [_track(drives), _errors(drives, _innovations(study)), _outage(drives)]
     return [item for item in drawn if item is not None]
 
 
@@ -170,7 +173,28 @@ def _gps_m(drive: Drive) -> Array:
     return plane_m
 
 
-def _errors(drives: list[Drive]) -> Drawn | None:
+def _innovations(study: Study) -> str:
+    """Return in words what the innovations of GPS tell of the deviations that the filters assume of it."""
+    means = {}
+    for row in study.rows("nis_gps"):
+        nis = np.concatenate([study.get(family, row, "nis_gps") for family in study.families])
+        means[row] = float(nis.mean())
+    if not means:
+        return ""
+    numbers = ", ".join(f"{row} {mean:.2g}" for row, mean in means.items())
+    told = (
+        f" Mean normalised innovation squared of GPS, 1 where the filter's deviations are right: {numbers}."
+    )
+    best = min(means, key=lambda row: means[row])
+    if means[best] < FAR_BELOW:
+        told += (
+            f" In {best} it is small: the deviations assumed of GPS are too large for this receiver,"
+            f" by a factor of about {means[best] ** -0.5:.2g} if the rest is right."
+        )
+    return told
+
+
+def _errors(drives: list[Drive], innovations: str) -> Drawn | None:
     """Draw the error over time, a panel a recording."""
     if not drives:
         return None
@@ -212,7 +236,7 @@ def _errors(drives: list[Drive]) -> Drawn | None:
         caption=f"Horizontal error against the reference; n = {max(count)} epochs with an error in each of"
         f" {len(drives)} recording{'s' if len(drives) > 1 else ''}, each one world: the same drive with other"
         f" outages, so these are no repetitions. The outage is shaded. Mean errors, {'; '.join(told)}."
-        f" {REFERENCE} {ASSUMED} {NO_RESULT}",
+        f"{innovations} {REFERENCE} {ASSUMED} {NO_RESULT}",
         alt=f"Errors over time in {len(drives)} panels. Mean errors, {'; '.join(told)}.",
     )
 

@@ -41,6 +41,9 @@ LENGTHS = {
 
 NOISE, NOISE_ROW = "noise_gps", "gps_inertial"
 
+NOISE_ROWS = {1.0: NOISE_ROW, 100.0: "gps_inertial_raised"}
+"""Rows of the table that have a factor on Q which the sweep need not run again."""
+
 VARIANTS = {
     "gps_inertial_flat": "gps_inertial",
     "slam_flat": "slam",
@@ -386,10 +389,28 @@ def _signed_logarithmic(axes: Axes, reach: float) -> None:
 
 
 def _swept(study: Study, sweeps: Mapping[str, object]) -> pd.DataFrame:
-    """Return the measures of sweeps, in the families in which they ran."""
-    own = study.results.measures
+    """Return the measures of sweeps, in the families in which they ran, with those of `_beside`."""
+    all_of = study.results.measures
     known = [sweep for sweep in sweeps if sweep in study.results.sweeps]
-    return own[own["algorithm"].isin(known) & own["value"].notna() & own["family"].isin(study.families)]
+    own = all_of[all_of["algorithm"].isin(known) & all_of["value"].notna()]
+    own = own[own["family"].isin(study.families)]
+    parts = [own]
+    for sweep, swept in own.groupby("algorithm", sort=False):
+        for value, row in _beside(study, str(sweep), str(swept["family"].iloc[0])).items():
+            same = all_of["family"].isin(swept["family"]) & all_of["world"].isin(swept["world"])
+            same &= (all_of["algorithm"] == row) & all_of["value"].isna()
+            if not (swept["value"] == value).any():
+                parts.append(all_of[same].assign(algorithm=sweep, value=value))
+    return pd.concat([part for part in parts if len(part)], ignore_index=True) if len(own) else own
+
+
+def _beside(study: Study, sweep: str, family: str) -> dict[float, str]:
+    """Return the rows of the table that belong to a sweep, by the value that they have of its setting."""
+    if sweep == NOISE:
+        return NOISE_ROWS
+    outage_s = study.results.observed.get(family, {}).get("recording.gps_outage_s")
+    lasts_s = np.empty(0) if outage_s is None else np.unique(np.diff(np.asarray(outage_s, dtype=float)))
+    return {float(lasts_s[0]): LENGTHS[sweep][0]} if len(lasts_s) == 1 else {}
 
 
 def _first(study: Study, own: pd.DataFrame) -> str:
