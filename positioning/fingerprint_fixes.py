@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.base import clone
 
 from positioning.errors import InputError, Reason
+from positioning.estimator import clone
 from positioning.model import Array, Calibration, Recording, Site, Survey
 
 LEAST_DEVIATION_M = 0.1

@@ -4,12 +4,13 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.distance import cdist
-from sklearn.base import BaseEstimator, RegressorMixin, TransformerMixin
-from sklearn.utils.validation import check_is_fitted
 
 from positioning.errors import InputError, Reason, check_whole
+from positioning.estimator import Regressor, Transformer
 from positioning.model import Array, Survey
+
+# From so many differences on, SciPy's loop is worth the third of a second that its import takes.
+_MANY_DIFFERENCES = 2_000_000
 
 Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
@@ -84,6 +85,36 @@ def fill_not_heard(rss_dbm: ArrayLike, floor_dbm: float) -> Array:
     return np.where(np.isnan(rss), floor_dbm, rss)
 
 
+def standardisation(values: Array, member: Mask) -> tuple[Array, Array]:
+    """Return mean and standard deviation of the columns over each fold's members.
+
+    See Mirzababaei & Akbari, section 6, which does not say how inputs are scaled; rules are those of
+    scikit-learn's ``StandardScaler``.
+
+    Parameters
+    ----------
+    values
+        Readings or coordinates, [n, column].
+    member
+        [fold, n], True where a row counts in that fold.
+
+    Returns
+    -------
+    tuple
+        Means and deviations, [fold, column]; the deviation of a column that is constant but for rounding
+        is 1.
+    """
+    mean, deviation = np.empty((2, len(member), values.shape[1]))
+    for fold, chosen in enumerate(member):
+        inside = values[chosen]
+        mean[fold] = inside.mean(axis=0)
+        variance = inside.var(axis=0)
+        epsilon = np.finfo(np.float64).eps
+        least = len(inside) * (epsilon * variance + len(inside) * (mean[fold] * epsilon) ** 2)
+        deviation[fold] = np.sqrt(np.where(variance <= least, 1.0, variance))
+    return mean, deviation
+
+
 def signal_distance_db(first_dbm: ArrayLike, second_dbm: ArrayLike) -> Array:
     """Return the Euclidean distance between fingerprints in signal space.
 
@@ -100,8 +131,19 @@ def signal_distance_db(first_dbm: ArrayLike, second_dbm: ArrayLike) -> Array:
     Array
         [m, n], dB.
     """
-    distance: Array = cdist(np.asarray(first_dbm, np.float64), np.asarray(second_dbm, np.float64))
-    return distance
+    first, second = (np.asarray(readings, dtype=np.float64) for readings in (first_dbm, second_dbm))
+    if len(first) * second.size >= _MANY_DIFFERENCES:
+        from scipy.spatial.distance import cdist
+
+        return np.asarray(cdist(first, second))
+    # Access point after access point, as SciPy adds them up.
+    squared = np.zeros((len(first), len(second)))
+    difference = np.empty_like(squared)
+    for one, other in zip(first.T, second.T, strict=True):
+        np.subtract(one[:, None], other, out=difference)
+        difference *= difference
+        squared += difference
+    return np.sqrt(squared, out=squared)
 
 
 def nearest_members(distance_db: Array, count: int, member: Mask | None = None, name: str = "k") -> Index:
@@ -145,7 +187,7 @@ def nearest_members(distance_db: Array, count: int, member: Mask | None = None, 
     return order
 
 
-class FingerprintRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
+class FingerprintRegressor(Regressor):
     """A scikit-learn regressor from fingerprints to positions: the checks that all of them share.
 
     See Mirzababaei & Akbari, section 6. An algorithm may as well derive from scikit-learn's classes
@@ -162,7 +204,7 @@ class FingerprintRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 
     def _readings(self, rss_dbm: ArrayLike) -> Array:
         """Return fingerprints to be located if they fit the survey of the training."""
-        check_is_fitted(self)
+        self._check_fitted()
         rss = np.asarray(rss_dbm, dtype=np.float64)
         if rss.ndim != 2 or rss.shape[1] != self.n_features_in_:
             raise InputError(
@@ -173,7 +215,7 @@ class FingerprintRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         return rss
 
 
-class FillNotHeard(TransformerMixin, BaseEstimator):  # type: ignore[misc]
+class FillNotHeard(Transformer):
     """Replace NaN by a weak reading, for regressors of other libraries.
 
     See Mirzababaei & Akbari, section 6; the paper does not say how not heard is treated.
@@ -224,5 +266,5 @@ class FillNotHeard(TransformerMixin, BaseEstimator):  # type: ignore[misc]
         rss_dbm
             Received signal strength, [m, ap], dBm; NaN = not heard.
         """
-        check_is_fitted(self)
+        self._check_fitted()
         return fill_not_heard(rss_dbm, self.value_dbm_)

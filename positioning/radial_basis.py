@@ -20,7 +20,8 @@ _DEPENDENT = 1e-12
 _TIE = 1e-10
 # Below this the targets are fitted to their last digits.
 _EXPLAINED = 1e-20
-_CHUNK_BYTES = 2**27
+# The bases of folds that are worked on together stay in a processor's cache.
+_CHUNK_BYTES = 2**22
 
 
 class Network(NamedTuple):
@@ -130,7 +131,7 @@ def fit_network(kernel: Array, target: Array, member: Mask, neurons: int) -> Net
     samples = kernel.shape[0]
     column = np.ascontiguousarray(kernel.T)
     squared = kernel * kernel
-    # Folds are independent of each other: going through them in parts bounds the memory.
+    # Folds are independent of each other.
     part = max(1, _CHUNK_BYTES // (8 * samples * min(neurons, samples)))
     parts = []
     for first in range(0, len(member), part):
@@ -181,7 +182,8 @@ def _select(
     energy = np.sum(target * target, axis=2, keepdims=True)
     # Both outputs count alike: each is measured in parts of its own energy.
     scaled = target / np.sqrt(np.where(energy > 0, energy, 1.0))
-    original = member.astype(np.float64) @ squared
+    weight = member.astype(np.float64)
+    original = weight @ squared
     projection = scaled @ kernel
     # What is no candidate, or none any more, has an infinite norm and so a score of zero.
     norm = np.where(member & (original > 0), original, np.inf)
@@ -219,12 +221,12 @@ def _select(
         # that depends on the other folds.
         for index in np.flatnonzero(stale.any(axis=1)):
             again = np.flatnonzero(stale[index])
-            residual = np.where(member[index, :, None], kernel[:, again], 0.0)
+            residual = column[again] * weight[index]
             done = basis[index, : step + 1]
             for _ in range(2):
-                residual -= done.T @ (done @ residual)
-            norm[index, again] = np.sum(residual * residual, axis=0)
-            projection[:, index, again] = scaled[:, index] @ residual
+                residual -= (residual @ done.T) @ done
+            norm[index, again] = np.einsum("cn,cn->c", residual, residual)
+            projection[:, index, again] = scaled[:, index] @ residual.T
         trusted = np.where(stale, norm, trusted)
         norm[norm <= _DEPENDENT * original] = np.inf
     return centre, basis

@@ -10,25 +10,35 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
+from scipy.spatial.distance import cdist
 from sklearn.base import clone
+from sklearn.exceptions import ConvergenceWarning
 from sklearn.neighbors import KNeighborsRegressor
+from sklearn.neural_network import MLPRegressor
+from sklearn.preprocessing import StandardScaler
+from sklearn.svm import SVR
 
 import algorithms.fingerprinting
+from algorithms.fingerprinting import mlp
 from algorithms.fingerprinting.bayes_average import BayesAverage
 from algorithms.fingerprinting.bayes_maximum_likelihood import BayesMaximumLikelihood
 from algorithms.fingerprinting.control_centre import ControlCentre
 from algorithms.fingerprinting.control_oracle import ControlOracle, log_probability_between
 from algorithms.fingerprinting.knn import Knn
+from algorithms.fingerprinting.mlp import Mlp
 from algorithms.fingerprinting.rbf_network import RbfNetwork
 from algorithms.fingerprinting.rbf_network_nearest import RbfNetworkNearest
+from algorithms.fingerprinting.svm import Svm
 from algorithms.fingerprinting.template import Template
 from algorithms.fingerprinting.wknn import Wknn
+from positioning import fingerprints
 from positioning.errors import InputError
 from positioning.fingerprints import (
     FillNotHeard,
     fill_not_heard,
     nearest_members,
     signal_distance_db,
+    standardisation,
     training_members,
 )
 from positioning.model import Array, Site, Survey, Truth
@@ -258,6 +268,70 @@ def test_skip_names_what_is_missing() -> None:
     for algorithm in (Knn(k=5), Wknn(k=6), RbfNetwork(neurons=4), RbfNetworkNearest(nearest=5)):
         assert "this survey leaves 4" in str(algorithm.skip(few, None))
     assert "synthetic" in str(ControlOracle.skip(SURVEY, SITE, Truth(position_m=POSITION)))
+
+
+# Perceptron and support vectors against scikit-learn's
+
+
+def standardised() -> tuple[Array, Array, StandardScaler]:
+    """Return readings and coordinates as scikit-learn's scaler has them, and the scaler of the latter."""
+    scaler = StandardScaler().fit(POSITION)
+    reading = StandardScaler().fit_transform(fill_not_heard(RSS, -100.0))
+    return reading, scaler.transform(POSITION), scaler
+
+
+@pytest.mark.parametrize("weight_decay", [1e-4, 0.3])
+def test_perceptron_equals_that_of_scikit_learn(weight_decay: float) -> None:
+    reading, coordinate, scaler = standardised()
+    settings = {"hidden_layer_sizes": (8,), "activation": "tanh", "solver": "lbfgs", "random_state": 3}
+    reference = MLPRegressor(alpha=weight_decay, max_iter=15, **settings)
+    with pytest.warns(ConvergenceWarning):
+        reference.fit(reading, coordinate)
+    ours = Mlp(weight_decay=weight_decay, iterations=15, random_state=3).fit(RSS, POSITION)
+    expected = scaler.inverse_transform(reference.predict(reading))
+    np.testing.assert_allclose(ours.predict(RSS), expected, atol=1e-8)
+
+
+def test_perceptrons_of_folds_in_parts_are_those_of_all_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    together = make("mlp").leave_one_out(RSS, POSITION)
+    monkeypatch.setattr(mlp, "_INPUT_BYTES", 7 * 8 * 6 * COUNT)
+    monkeypatch.setattr(mlp, "_NETWORKS_AT_ONCE", 3)
+    np.testing.assert_array_equal(make("mlp").leave_one_out(RSS, POSITION), together)
+
+
+def test_support_vectors_equal_those_of_scikit_learn() -> None:
+    reading, coordinate, scaler = standardised()
+    machines = [
+        SVR(C=1.0, epsilon=0.75 / scaler.scale_[axis], gamma=0.2).fit(reading, coordinate[:, axis])
+        for axis in range(2)
+    ]
+    expected = scaler.inverse_transform(np.stack([m.predict(reading) for m in machines], axis=1))
+    np.testing.assert_allclose(Svm().fit(RSS, POSITION).predict(RSS), expected, atol=1e-9)
+
+
+def test_standardisation_equals_that_of_scikit_learn() -> None:
+    values = np.column_stack([RSS.copy(), np.full(COUNT, 0.1), np.full(COUNT, -100.0)])
+    values = fill_not_heard(values, -100.0)
+    member = np.random.default_rng(4).random((6, COUNT)) < 0.5
+    mean, deviation = standardisation(values, member)
+    for fold, chosen in enumerate(member):
+        reference = StandardScaler().fit(values[chosen])
+        np.testing.assert_allclose(mean[fold], reference.mean_, rtol=1e-13)
+        np.testing.assert_allclose(deviation[fold], reference.scale_, rtol=1e-12)
+
+
+@pytest.mark.parametrize("limit", [0, 10**9])
+def test_signal_distances_equal_those_of_scipy(monkeypatch: pytest.MonkeyPatch, limit: int) -> None:
+    monkeypatch.setattr(fingerprints, "_MANY_DIFFERENCES", limit)
+    rng = np.random.default_rng(6)
+    first, second = rng.normal(-60, 9, (21, 7)), rng.normal(-60, 9, (13, 7))
+    distance_db = signal_distance_db(first, second)
+    np.testing.assert_allclose(distance_db, cdist(first, second), rtol=1e-14)
+    assert signal_distance_db(first[:0], second).shape == (0, 13)
+    twice = signal_distance_db(first, np.vstack([second, second]))
+    np.testing.assert_array_equal(twice[:, :13], twice[:, 13:])
+    with pytest.raises(ValueError, match=r"shorter|number of columns|must have"):
+        signal_distance_db(first, second[:, :6])
 
 
 # Nearest neighbours

@@ -4,15 +4,14 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import BaseEstimator, TransformerMixin
-from sklearn.utils.validation import check_is_fitted
 
+from positioning.estimator import Transformer
 from positioning.fingerprints import fill_not_heard
 from positioning.model import Array
 from positioning.orthogonal_search import check_readings, orthogonal_search
 
 
-class FastOrthogonalSearch(TransformerMixin, BaseEstimator):  # type: ignore[misc]
+class FastOrthogonalSearch(Transformer):
     """Keep the columns with which a linear model of all columns has the least mean square error.
 
     See Atia et al., section 5.7, eqs. 9 to 13; details in `positioning.orthogonal_search`.
@@ -68,5 +67,5 @@ class FastOrthogonalSearch(TransformerMixin, BaseEstimator):  # type: ignore[mis
 
         See Atia et al., section 6.4.
         """
-        check_is_fitted(self)
+        self._check_fitted()
         return np.asarray(check_readings(rss_dbm, self.n_features_in_)[:, self.selected_])

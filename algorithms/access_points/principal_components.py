@@ -4,16 +4,14 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import BaseEstimator, TransformerMixin
-from sklearn.decomposition import PCA
-from sklearn.utils.validation import check_is_fitted
 
+from positioning.estimator import Transformer
 from positioning.fingerprints import fill_not_heard
 from positioning.model import Array
 from positioning.orthogonal_search import check_columns, check_readings
 
 
-class PrincipalComponents(TransformerMixin, BaseEstimator):  # type: ignore[misc]
+class PrincipalComponents(Transformer):
     """Replace the columns by their principal components with the largest variance.
 
     See Atia et al., section 5.7, which names it as the usual way; a component mixes all access points.
@@ -55,10 +53,13 @@ class PrincipalComponents(TransformerMixin, BaseEstimator):  # type: ignore[misc
         rss = check_readings(rss_dbm)
         check_columns(self.columns, min(rss.shape))
         self.n_features_in_ = rss.shape[1]
-        # Shares of a variance of zero, and of a single fingerprint, are of no use but do no harm.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            pca = PCA(self.columns, svd_solver="full").fit(fill_not_heard(rss, self.not_heard_dbm))
-        self.mean_dbm_, self.components_ = pca.mean_, pca.components_
+        reading = fill_not_heard(rss, self.not_heard_dbm)
+        self.mean_dbm_ = reading.mean(axis=0)
+        _, _, direction = np.linalg.svd(reading - self.mean_dbm_, full_matrices=False)
+        # A component has no sign of its own: its largest part is made positive, as scikit-learn's PCA does.
+        largest = np.argmax(np.abs(direction), axis=1)
+        signs = np.sign(direction[np.arange(len(direction)), largest])
+        self.components_ = (direction * signs[:, None])[: self.columns]
         return self
 
     def transform(self, rss_dbm: ArrayLike) -> Array:
@@ -66,7 +67,7 @@ class PrincipalComponents(TransformerMixin, BaseEstimator):  # type: ignore[misc
 
         See Atia et al., section 5.7.
         """
-        check_is_fitted(self)
+        self._check_fitted()
         rss = fill_not_heard(check_readings(rss_dbm, self.n_features_in_), self.not_heard_dbm)
         # A sum for each fingerprint by itself: the answer does not depend on the others beside it.
         return np.asarray(np.einsum("ma,ca->mc", rss - self.mean_dbm_, self.components_))

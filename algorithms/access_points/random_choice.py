@@ -4,14 +4,13 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import BaseEstimator, TransformerMixin
-from sklearn.utils.validation import check_is_fitted
 
+from positioning.estimator import Transformer
 from positioning.model import Array
 from positioning.orthogonal_search import check_columns, check_readings
 
 
-class RandomChoice(TransformerMixin, BaseEstimator):  # type: ignore[misc]
+class RandomChoice(Transformer):
     """Keep random columns, all equally likely, without looking at the readings.
 
     See Atia et al., section 5.7, to whose choices this one is added.
@@ -64,5 +63,5 @@ class RandomChoice(TransformerMixin, BaseEstimator):  # type: ignore[misc]
 
         See Atia et al., section 6.4.
         """
-        check_is_fitted(self)
+        self._check_fitted()
         return np.asarray(check_readings(rss_dbm, self.n_features_in_)[:, self.selected_])

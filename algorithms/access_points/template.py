@@ -9,16 +9,15 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import BaseEstimator, TransformerMixin
-from sklearn.utils.validation import check_is_fitted
 
+from positioning.estimator import Transformer
 from positioning.fingerprints import fill_not_heard
 from positioning.model import Array
 from positioning.orthogonal_search import check_columns, check_readings
 
 
 # A scikit-learn transformer; any other one that allows NaN will do as well.
-class Template(TransformerMixin, BaseEstimator):  # type: ignore[misc]
+class Template(Transformer):
     """Keep the columns with the largest variance over the survey.
 
     See Atia et al., section 5.7; say here where your choice is described.
@@ -58,5 +57,5 @@ class Template(TransformerMixin, BaseEstimator):  # type: ignore[misc]
 
         See Atia et al., section 6.4.
         """
-        check_is_fitted(self)
+        self._check_fitted()
         return np.asarray(check_readings(rss_dbm, self.n_features_in_)[:, self.selected_])

@@ -4,11 +4,11 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import clone
 
 from algorithms.access_points.fast_orthogonal_search import FastOrthogonalSearch
 from algorithms.fingerprinting.knn_softmax import KnnSoftmax
 from positioning.errors import Reason, check_whole
+from positioning.estimator import clone
 from positioning.fingerprints import FingerprintRegressor
 from positioning.model import Array, Site, Survey
 

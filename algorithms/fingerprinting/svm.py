@@ -4,10 +4,16 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.preprocessing import StandardScaler
+from sklearn import config_context
 from sklearn.svm import SVR
 
-from positioning.fingerprints import FingerprintRegressor, fill_not_heard
+from positioning.fingerprints import (
+    FingerprintRegressor,
+    fill_not_heard,
+    signal_distance_db,
+    standardisation,
+    training_members,
+)
 from positioning.model import Array
 
 
@@ -63,26 +69,60 @@ class Svm(FingerprintRegressor):
             If the survey cannot be used.
         """
         rss, position = self._training(rss_dbm, position_m)
-        width = self.kernel_width or rss.shape[1] ** 0.5
-        self.reading_scaler_ = StandardScaler().fit(fill_not_heard(rss, self.not_heard_dbm))
-        self.position_scaler_ = StandardScaler().fit(position)
-        reading = self.reading_scaler_.transform(fill_not_heard(rss, self.not_heard_dbm))
-        coordinate = self.position_scaler_.transform(position)
-        self.machines_ = []
-        for axis, scale_m in enumerate(self.position_scaler_.scale_):
-            machine = SVR(C=self.penalty, epsilon=self.tube_m / scale_m, gamma=width**-2)
-            # Regression draws nothing at random, yet scikit-learn takes a seed from the global
-            # state unless it finds one here.
-            machine.random_state = 0
-            self.machines_.append(machine.fit(reading, coordinate[:, axis]))
-        return self
+        return self._train(fill_not_heard(rss, self.not_heard_dbm), position)
 
     def predict(self, rss_dbm: ArrayLike) -> Array:
         """Return the estimated positions, [m, 2], metres, of fingerprints [m, ap], dBm.
 
         See Mirzababaei & Akbari, section 6.A.
         """
-        rss = fill_not_heard(self._readings(rss_dbm), self.not_heard_dbm)
-        reading = self.reading_scaler_.transform(rss)
-        coordinate = np.stack([machine.predict(reading) for machine in self.machines_], axis=1)
-        return np.asarray(self.position_scaler_.inverse_transform(coordinate))
+        return self._locate(fill_not_heard(self._readings(rss_dbm), self.not_heard_dbm))
+
+    def leave_one_out(self, rss_dbm: ArrayLike, position_m: ArrayLike) -> Array:
+        """Return the estimate of each fingerprint with its reference point left out, [n, 2], metres.
+
+        See Mirzababaei & Akbari, section 6. Parameters as in `fit`.
+        """
+        rss, position = self._training(rss_dbm, position_m, least=2)
+        reading = fill_not_heard(rss, self.not_heard_dbm)
+        located = np.empty_like(position)
+        # Fingerprints taken at one place leave out the same ones, and share their machines.
+        _, place, of_place = np.unique(position, axis=0, return_index=True, return_inverse=True)
+        for fold, member in enumerate(training_members(position)[place]):
+            # Settings that passed scikit-learn's checks once need not pass them every time.
+            with config_context(assume_finite=fold > 0, skip_parameter_validation=fold > 0):
+                tested = of_place == fold
+                located[tested] = self._train(reading[member], position[member])._locate(reading[tested])
+        return located
+
+    def _train(self, reading_dbm: Array, position_m: Array) -> Self:
+        everyone = np.ones((1, len(reading_dbm)), dtype=bool)
+        width = self.kernel_width or reading_dbm.shape[1] ** 0.5
+        (centre,), (scale,) = standardisation(reading_dbm, everyone)
+        # The kernel's width goes into the scale: distances then come out in widths.
+        self.reading_scale_ = centre, scale * width
+        (centre_m,), (scale_m,) = standardisation(position_m, everyone)
+        self.position_scale_ = centre_m, scale_m
+        self.reading_ = (reading_dbm - centre) / (scale * width)
+        coordinate = (position_m - centre_m) / scale_m
+        # One kernel for both coordinates; LIBSVM would form it for each.
+        kernel = np.exp(-(signal_distance_db(self.reading_, self.reading_) ** 2))
+        self.machines_ = []
+        for axis in range(2):
+            machine = SVR(kernel="precomputed", C=self.penalty, epsilon=self.tube_m / scale_m[axis])
+            # Regression draws nothing at random, yet scikit-learn takes a seed from the global
+            # state unless it finds one here.
+            machine.random_state = 0
+            self.machines_.append(machine.fit(kernel, coordinate[:, axis]))
+        return self
+
+    def _locate(self, reading_dbm: Array) -> Array:
+        centre, scale = self.reading_scale_
+        reading = (reading_dbm - centre) / scale
+        coordinate = np.empty((len(reading), 2))
+        for axis, machine in enumerate(self.machines_):
+            # Without support vectors there is the constant alone.
+            kernel = np.exp(-(signal_distance_db(reading, self.reading_[machine.support_]) ** 2))
+            coordinate[:, axis] = np.sum(kernel * machine.dual_coef_[0], axis=1) + machine.intercept_[0]
+        centre_m, scale_m = self.position_scale_
+        return np.asarray(coordinate * scale_m + centre_m)

@@ -235,6 +235,9 @@ class ExtendedKalmanFilter:
 
     def _update(self, bank: Bank, fix_m: Array, area_m2: Array) -> Bank:
         """Correct all filters by the fixes [r, k, 2] of an epoch, by probabilistic data association."""
+        # The longest epoch of all sets how many places there are; most epochs fill few of them.
+        filled = np.flatnonzero(np.isfinite(fix_m[..., 0]).any(axis=0))
+        fix_m = fix_m[:, : int(filled.max(initial=0)) + 1]
         there = np.isfinite(fix_m[:, None, :, 0])
         count = np.count_nonzero(there, axis=-1)
         innovation = np.where(there[..., None], fix_m[:, None] - bank.mean[..., None, :2], 0.0)
@@ -245,13 +248,14 @@ class ExtendedKalmanFilter:
         share = self.true_fix_share
         ratio = np.where(there, np.exp(log_density) * area_m2[:, None, None], 0.0)
         ratio *= share / np.maximum(count, 1)[..., None]
-        # Running sums add one after the other, so that what fills up leaves no trace.
-        evidence = 1.0 - share + np.cumsum(ratio, axis=-1)[..., -1]
+        evidence = 1.0 - share + _sum(ratio)
         belief = ratio / evidence[..., None]
-        combined = np.cumsum(belief[..., None] * innovation, axis=-2)[..., -1, :]
+        x, y = innovation[..., 0], innovation[..., 1]
+        combined = np.stack([_sum(belief * x), _sum(belief * y)], axis=-1)
         update = kalman.update(bank.mean, bank.covariance, combined, _POSITION, noise)
-        square = innovation[..., :, None] * innovation[..., None, :]
-        scatter = np.cumsum(belief[..., None, None] * square, axis=-3)[..., -1, :, :]
+        across = _sum(belief * (x * y))
+        scatter = np.stack([_sum(belief * (x * x)), across, across, _sum(belief * (y * y))], axis=-1)
+        scatter = scatter.reshape(*across.shape, 2, 2)
         scatter -= combined[..., :, None] * combined[..., None, :]
         none = ((1.0 - share) / evidence)[..., None, None]
         covariance = none * bank.covariance + (1.0 - none) * update.covariance
@@ -262,3 +266,11 @@ class ExtendedKalmanFilter:
             np.where(heard[..., None, None], kalman.symmetric(covariance), bank.covariance),
             bank.log_weight + np.where(heard, np.log(evidence), 0.0),
         )
+
+
+def _sum(values: Array) -> Array:
+    """Add up the last axis one after the other, so that what fills it up leaves no trace."""
+    total = values[..., 0].copy()
+    for number in range(1, values.shape[-1]):
+        total += values[..., number]
+    return total

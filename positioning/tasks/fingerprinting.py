@@ -1,6 +1,8 @@
 """Fingerprinting: from received signal strengths to a place, with a survey to learn from."""
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from time import perf_counter
 from typing import Any
 
@@ -8,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from positioning.errors import InputError
+from positioning.estimator import clone
 from positioning.model import Array, Arrays, Query, Site, Survey, Truth, world
 from positioning.registry import Factory
 from positioning.tasks import Outcome
@@ -124,20 +127,28 @@ def score(estimates: Arrays, truth: Arrays) -> dict[str, NDArray[np.float64]]:
 
 def _refit(algorithm: Any, survey: Survey, members: NDArray[np.bool_]) -> Array:
     """Train anew for every different row of ``members`` [n, n] and locate its fingerprints."""
-    from sklearn import config_context
-    from sklearn.base import clone
-
     answers = np.empty((len(members), 2))
     folds: dict[bytes, list[int]] = {}
     for index, member in enumerate(members):
         folds.setdefault(member.tobytes(), []).append(index)
     for number, tested in enumerate(folds.values()):
         member = members[tested[0]]
-        # Settings and data that passed scikit-learn's checks once need not pass them every time.
-        with config_context(assume_finite=number > 0, skip_parameter_validation=number > 0):
+        with _checks_once(number):
             fresh = clone(algorithm).fit(survey.rss_dbm[member], survey.position_m[member])
             answers[tested] = _checked(fresh.predict(survey.rss_dbm[tested]), len(tested))
     return answers
+
+
+def _checks_once(number: int) -> AbstractContextManager[None]:
+    """Spare scikit-learn its checks of settings and data that have passed them in fold 0."""
+    if "sklearn" not in sys.modules:
+        return nullcontext()
+    from sklearn import config_context
+
+    context: AbstractContextManager[None] = config_context(
+        assume_finite=number > 0, skip_parameter_validation=number > 0
+    )
+    return context
 
 
 def _checked(position_m: Any, count: int) -> Array:
