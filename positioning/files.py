@@ -84,12 +84,9 @@ def read_yaml(path: str | Path) -> Any:
 
 
 def write_tree(path: str | Path, tree: Mapping[str, Mapping[str, NDArray[np.generic]]]) -> None:
-    """Write arrays named ``<branch>/<name>`` as one NumPy archive, as ``numpy.savez_compressed`` does."""
-    with (
-        replacing(path) as temporary,
-        # Noise hardly compresses; trying harder takes five times as long for a few per cent.
-        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
-    ):
+    """Write arrays named ``<branch>/<name>`` as one NumPy archive, as ``numpy.savez`` does."""
+    # Stored as it is: noise hardly compresses, and packing and unpacking took longer than many an algorithm.
+    with replacing(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as archive:
         for branch, arrays in tree.items():
             for name, value in arrays.items():
                 with archive.open(f"{branch}/{name}.npy", "w", force_zip64=True) as file:
