@@ -23,6 +23,7 @@ PARTS = [
     "positioning",
     "data/papers",
     "data/sources.csv",
+    "data/algorithms.csv",
 ]
 SMALL: dict[str, Any] = {
     "folders": {"data": "data", "results": "results", "reports": "reports", "realdata": "absent"},

@@ -145,3 +145,39 @@ rule index:
         "write the front page"
     script:
         "../scripts/index.py"
+
+
+rule comparison:
+    input:
+        table=expand(f"{RESULTS}/tables/{{study}}.csv", study=STUDIES),
+        paired=expand(f"{RESULTS}/tables/{{study}}_paired.csv", study=STUDIES),
+        times=expand(f"{RESULTS}/tables/{{study}}_times.csv", study=STUDIES),
+        measures=expand(f"{RESULTS}/measures/{{study}}.parquet", study=STUDIES),
+        accepted="data/algorithms.csv",
+        manifest=f"{RESULTS}/manifest.json",
+        templates=TEMPLATES,
+        code=code("workflow/scripts/comparison.py"),
+    output:
+        html=f"{REPORTS}/comparison.html",
+        folder=report(
+            directory(f"{RESULTS}/comparison"),
+            patterns=["{figure}.svg"],
+            caption="../report/comparison.rst",
+            category="comparison",
+            labels={"figure": "{figure}"},
+        ),
+    log:
+        f"{RESULTS}/logs/comparison.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/comparison/comparison.tsv"
+    conda:
+        ENVIRONMENT
+    params:
+        plan={
+            name: study.describe() | {"quick": QUICK}
+            for name, study in STUDIES.items()
+        },
+    message:
+        "put all algorithms of a task beside each other"
+    script:
+        "../scripts/comparison.py"

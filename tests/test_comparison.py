@@ -1,0 +1,457 @@
+"""All algorithms of a task beside each other: roles, shares, ranks, the page and its script."""
+
+import importlib.util
+import json
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from positioning.evaluation import comparison as c
+from positioning.evaluation.measures import PAIRED
+from positioning.evaluation.measures import table as study_table
+from positioning.evaluation.statistics import mean_interval, paired_difference
+from positioning.presentation import comparison as drawn
+from positioning.presentation import figures
+
+ROOT = Path(__file__).resolve().parents[1]
+TEMPLATES = ROOT / "positioning/presentation/templates"
+WORLDS, SAMPLES = 12, 20
+ENTRIES = {
+    "wknn": {"use": "wknn", "task": "fingerprinting", "parameters": {"k": 6}, "options": {}},
+    "wknn_wide": {"use": "wknn", "task": "fingerprinting", "parameters": {"k": 20}, "options": {}},
+    "knn": {"use": "knn", "task": "fingerprinting", "parameters": {}, "options": {}},
+    "mine": {"use": "mine", "task": "fingerprinting", "parameters": {}, "options": {}},
+    "mlp": {"use": "mlp", "task": "fingerprinting", "parameters": {}, "options": {}},
+    "control_centre": {"use": "control_centre", "task": "fingerprinting", "parameters": {}, "options": {}},
+}
+MEANS = {"wknn": 2.0, "wknn_wide": 1.0, "knn": 2.4, "mine": 1.6, "mlp": 3.5, "control_centre": 9.0}
+ACCEPTED = {("fingerprinting", row) for row in ENTRIES if row != "mine"}
+
+
+def study(name="rooms", kind="synthetic", families=("a", "b", "c"), rows=tuple(ENTRIES), worlds=WORLDS):
+    rng = np.random.default_rng(len(name))
+    measures, pairs, times, means = [], [], [], {}
+    for family in families:
+        world = 0.1 * rng.standard_normal(worlds)
+        for row in rows:
+            means[(family, row)] = mean = MEANS[row] + world + 0.05 * rng.standard_normal(worlds)
+            for number, value in enumerate(mean):
+                values = dict.fromkeys(("mean_m", "rmse_m", "p50_m", "p75_m", "p90_m", "p95_m"), value)
+                values |= {"n": SAMPLES, "se_m": 0.1, "max_m": value}
+                measures += [(family, row, np.nan, number, metric, x) for metric, x in values.items()]
+                times.append((family, row, np.nan, number, 0.01 * MEANS[row]))
+        for row in rows:
+            for against in rows:
+                if row != against:
+                    result = paired_difference(means[(family, row)], means[(family, against)])
+                    pairs.append((family, row, against, *result, "world"))
+    frame = pd.DataFrame(measures, columns=["family", "algorithm", "value", "world", "metric", "x"])
+    own = frame[frame["metric"] == "mean_m"].rename(columns={"x": "mean_m"})
+    return c.StudyTables(
+        study=name,
+        title=f"Study {name}",
+        kind=kind,
+        reference="wknn",
+        entries={row: ENTRIES[row] for row in rows},
+        table=study_table(frame, rows, families, {}, {}),
+        paired=pd.DataFrame(
+            pairs,
+            columns=PAIRED,
+        ),
+        times=pd.DataFrame(times, columns=["family", "algorithm", "value", "world", "seconds"]),
+        worlds=own[["family", "algorithm", "world", "mean_m"]],
+    )
+
+
+@pytest.fixture(scope="module")
+def compared():
+    return c.compare([study(), study("halls", "recorded", ("d", "e", "f"), worlds=1)], ACCEPTED)
+
+
+@pytest.fixture(scope="module")
+def built(compared, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("comparison")
+    figures.save(drawn.draw(compared), folder)
+    manifest = {"commit": "abc", "dirty": True, "packages": {"numpy": "2"}, "seconds_by_rule": {"run": 7}}
+    return folder, drawn.page(compared, folder, manifest)
+
+
+def test_of_rows_built_alike_one_competes_and_a_new_one_takes_no_place():
+    reduced = {"use": "reduced", "task": "fingerprinting", "options": {}}
+    entries = {
+        "later": {**ENTRIES["knn"], "use": "knn"},
+        "knn": ENTRIES["knn"],
+        "first": {**reduced, "parameters": {"access_points": {"use": "strongest", "columns": 4}}},
+        "more": {**reduced, "parameters": {"access_points": {"use": "strongest", "columns": 8}}},
+        "other": {**reduced, "parameters": {"access_points": {"use": "random_choice", "columns": 4}}},
+        "newest": {**reduced, "parameters": {"access_points": {"use": "random_choice", "columns": 9}}},
+        "chosen": {**ENTRIES["knn"], "parameters": {"k": 9}},
+        "control_oracle": {"use": "control_oracle", "task": "fingerprinting"},
+    }
+    accepted = {("fingerprinting", row) for row in entries if row != "newest"}
+    found = c.roles(entries, "chosen", accepted)
+    assert {row: role for row, (role, _) in found.items()} == {
+        "later": "variant",
+        "knn": "main",
+        "first": "main",
+        "more": "variant",
+        "other": "main",
+        "newest": "variant",
+        "chosen": "main",
+        "control_oracle": "control",
+    }
+    assert [row for row, (_, new) in found.items() if new] == ["newest"]
+    first = {"newest": entries["newest"], "other": entries["other"]}
+    assert c.roles(first, "other", accepted)["newest"] == ("variant", True)
+
+
+def test_ranks_and_shares_are_among_those_that_compete(compared):
+    lines = compared[0].lines
+    own = lines[lines["family"] == "a"].set_index("algorithm")
+    assert own["rank"].to_dict() == pytest.approx(
+        {"mine": 1, "wknn": 2, "knn": 3, "mlp": 4, "wknn_wide": np.nan, "control_centre": np.nan}, nan_ok=True
+    )
+    assert own.loc["wknn", "beaten_share"] == pytest.approx(2 / 3)
+    assert own.loc["mine", "worlds_won_share"] == 1
+    assert np.isnan(own.loc["wknn_wide", "worlds_won_share"])
+    assert list(own.index[own["new"]]) == ["mine"]
+    assert lines.columns.tolist() == c.COLUMNS
+
+
+def test_intervals_of_means_are_over_worlds_or_over_samples(compared):
+    lines = compared[0].lines.set_index(["family", "algorithm"])
+    made, real = lines.loc[("a", "wknn")], lines.loc[("d", "wknn")]
+    own = study().worlds
+    values = own[(own["family"] == "a") & (own["algorithm"] == "wknn")]["mean_m"].to_numpy()
+    low, high, _ = mean_interval(values)
+    assert (made["interval_low_m"], made["interval_high_m"]) == pytest.approx((low, high))
+    assert (made["interval_over"], real["interval_over"]) == ("worlds", "samples")
+    # Student's quantile of 19 degrees of freedom is 2.093.
+    assert real["interval_high_m"] - real["mean_m"] == pytest.approx(0.2093, abs=1e-4)
+
+
+def test_a_world_is_shared_by_equal_errors_and_absent_rows_win_nothing():
+    mean_m = np.array([[1.0, 1.0 + 1e-8, 2.0], [3.0, 1.0, np.nan], [np.nan, np.nan, 1.0], [np.nan] * 3])
+    assert c.worlds_won(mean_m) == pytest.approx([0.5 / 3, 1.5 / 3, 1 / 3])
+
+
+def test_block_is_the_largest_that_is_complete():
+    present = {("s", f"{i}"): {"x", "y", "z"} for i in range(5)}
+    present |= {("s", "6"): {"x", "y", "z", "w"}, ("s", "7"): {"x", "y"}, ("t", "8"): {"x", "y", "w"}}
+    block = c.complete_block(present)
+    assert block.algorithms == ["x", "y", "z"]
+    assert block.data_sets == [*(("s", f"{i}") for i in range(5)), ("s", "6")]
+    assert c.complete_block({("s", f"{i}"): {"x", "y"} for i in range(9)}) is None
+    assert c.complete_block({("s", f"{i}"): {"x", "y", "z"} for i in range(4)}) is None
+
+
+@pytest.mark.parametrize(
+    ("algorithms", "quantile"), [(3, 2.343), (4, 2.569), (5, 2.728), (6, 2.850), (10, 3.164)]
+)
+def test_critical_difference_is_that_of_the_printed_table(algorithms, quantile):
+    """The quantiles are those of Demsar (2006), Table 5a, at the level of 5 %."""
+    mean_m = pd.DataFrame(np.random.default_rng(0).random((8, algorithms)))
+    expected = quantile * np.sqrt(algorithms * (algorithms + 1) / (6 * 8))
+    assert c.ranks(mean_m).critical_difference == pytest.approx(expected, abs=5e-3)
+
+
+def test_mean_ranks_and_friedman_of_a_worked_example():
+    # Four data sets in one order: chi square is 12 / (4 * 3 * 4) * (16 + 64 + 144) - 3 * 4 * 4 = 8.
+    mean_m = pd.DataFrame({"slow": [3.0] * 4, "good": [1.0] * 4, "fair": [2.0] * 4})
+    found = c.ranks(mean_m)
+    assert found.mean.to_dict() == {"good": 1, "fair": 2, "slow": 3}
+    assert found.friedman_p == pytest.approx(np.exp(-8 / 2))
+    assert found.unlike_best() == ["slow"]
+
+
+def test_outcomes_count_intervals_clear_of_zero_on_each_side():
+    pairs = pd.DataFrame(
+        [
+            ("x", "y", -2.0, -1.0, 9),
+            ("x", "y", -1.0, 1.0, 9),
+            ("x", "y", 1.0, 2.0, 9),
+            ("x", "y", -2.0, -1.0, 9),
+            ("x", "y", np.nan, np.nan, 1),
+        ],
+        columns=["label", "against", "low_m", "high_m", "n"],
+    )
+    assert c.paired_outcomes(pairs).to_dict("records") == [
+        {"label": "x", "against": "y", "better": 2, "worse": 1, "n": 4}
+    ]
+
+
+def test_studies_stand_together_where_their_algorithms_meet():
+    apart = study("tower", rows=("mlp", "mine"))
+    near = study("attic", rows=("wknn", "knn"), families=("a",))
+    alone = study("cellar", rows=("wknn",), families=("a",))
+    far = c.StudyTables(
+        **{**vars(apart), "entries": {r: {**ENTRIES[r], "use": f"x_{r}"} for r in apart.entries}}
+    )
+    groups = c.compare([near, far, study(), alone], ACCEPTED)[0].groups
+    assert [list(group.titles) for group in groups] == [["attic", "rooms", "cellar"], ["tower"]]
+
+
+def test_one_name_for_two_algorithms_is_two_rows_and_other_settings_are_told():
+    other = study("attic", rows=("wknn", "knn", "mlp"), families=("a",))
+    entries = {**other.entries, "mlp": {**ENTRIES["mlp"], "use": "deep"}}
+    entries["knn"] = {**ENTRIES["knn"], "parameters": {"k": 2}}
+    group = c.compare([study(), c.StudyTables(**{**vars(other), "entries": entries})], ACCEPTED)[0].groups[0]
+    summary = group.summary.set_index("label")
+    assert {"mlp (mlp)", "mlp (deep)"} <= set(summary.index)
+    assert summary["unlike_settings"].to_dict()["knn"]
+    assert not summary["unlike_settings"].to_dict()["wknn"]
+
+
+def test_summary_counts_every_data_set_alike(compared):
+    summary = compared[0].groups[0].summary.set_index("label")
+    assert list(summary.index) == ["mine", "wknn", "knn", "mlp"]
+    assert summary.loc["mine", ["synthetic", "recorded", "new"]].tolist() == [3, 3, True]
+    assert summary.loc["mine", "over_best"] == pytest.approx(1)
+    assert summary.loc["mlp", "over_best"] == pytest.approx(3.5 / 1.6, rel=0.1)
+
+
+def test_rows_that_did_not_run_are_told_with_their_reason_and_counted_nowhere():
+    own = study()
+    table = own.table.copy()
+    table.loc[(table["algorithm"] == "mlp") & (table["family"] == "a"), ["note", "worlds", "n"]] = [
+        "too big",
+        None,
+        None,
+    ]
+    worlds = own.worlds[~((own.worlds["algorithm"] == "mlp") & (own.worlds["family"] == "a"))]
+    task = c.compare([c.StudyTables(**{**vars(own), "table": table, "worlds": worlds})], ACCEPTED)[0]
+    line = task.lines.set_index(["family", "algorithm"]).loc[("a", "mlp")]
+    assert (line["note"], line["worlds"]) == ("too big", 0)
+    assert np.isnan(line["rank"])
+    assert task.groups[0].summary.set_index("label").loc["mlp", "synthetic"] == 2
+
+
+def test_a_study_without_errors_is_told_and_compared_with_nothing(tmp_path):
+    own = study(families=("a",))
+    table = own.table.assign(note="nobody knows the true places here", worlds=None, n=None)
+    silent = c.StudyTables(
+        **{**vars(own), "table": table, "worlds": own.worlds.iloc[:0], "paired": own.paired[:0]}
+    )
+    compared = c.compare([silent], ACCEPTED)
+    assert compared[0].groups == []
+    figures.save(drawn.draw(compared), tmp_path)
+    assert "nobody knows the true places here" in drawn.page(compared, tmp_path, {})
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "most", "ticks"),
+    [(0.5, 2000, 3, [1, 100]), (0.9, 12, 5, [1, 10]), (2.1, 7, 5, [3, 4, 5, 6, 7]), (2.31, 2.34, 5, [2.32])],
+)
+def test_axes_have_few_round_numbers(low, high, most, ticks):
+    assert drawn._decades(low, high, most) == pytest.approx(ticks)
+
+
+class Page(HTMLParser):
+    """Collects what a page is made of, and checks that elements nest."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.tags, self.bad = [], [], []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+        self.ids = [values["id"] for _, values in self.tags if "id" in values]
+
+    def handle_starttag(self, tag, attrs):
+        values = dict(attrs)
+        self.tags.append((tag, values))
+        if tag == "th" and "scope" not in values:
+            self.bad.append(values)
+        if tag not in {"meta", "br", "link", "img", "hr", "input"}:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_the_page_is_whole_and_needs_no_network(built):
+    _, text = built
+    page = Page(text)
+    assert page.bad == []
+    assert len(page.ids) == len(set(page.ids))
+    links = [values["href"] for tag, values in page.tags if tag == "a"]
+    assert {link[1:] for link in links if link.startswith("#")} <= set(page.ids)
+    assert {link for link in links if not link.startswith("#")} == {"index.html", "rooms.html", "halls.html"}
+    assert not re.search(r"(src|href|url)\s*[=(]\s*[\"']?(https?:)?//", text)
+    assert all(
+        values.get("role") == "img" and values["aria-label"] for tag, values in page.tags if tag == "svg"
+    )
+    fields = [values for _, values in page.tags if "data-table" in values]
+    assert fields
+    assert all(values["data-table"] in page.ids for values in fields)
+
+
+def test_new_rows_stand_out_and_controls_are_shaded(built):
+    _, text = built
+    rows = re.findall(
+        r'<tr class="([a-z ]+)" data-role="(\w+)"[^>]*><th[^>]*><code>(\w+)</code>(.*?)</th>', text
+    )
+    assert {(css, role) for css, role, row, _ in rows if row == "mine"} == {("main new", "main")}
+    assert {css for css, _, row, _ in rows if row == "control_centre"} == {"control"}
+    assert {css for css, _, row, _ in rows if row == "wknn_wide"} == {"variant"}
+    assert all((">new<" in rest) == (row == "mine") for _, _, row, rest in rows)
+    assert len(rows) == 6 * 6
+    assert "not in the project's list" in text
+
+
+def test_the_page_tells_the_numbers(built, compared):
+    _, text = built
+    group = compared[0].groups[0]
+    assert f"Lowest mean rank over 6 data sets: mine ({group.ranks.mean['mine']:.1f} of 4)" in text
+    line = compared[0].lines.iloc[0]
+    assert f'data-value="{line["mean_m"]}">{line["mean_m"]:.2f}' in text
+    assert "6:0<small>of 6</small>" not in text  # single recordings of one sample pair decide nothing
+    assert "3:0<small>of 3</small>" in text
+    assert "<dd>yes</dd>" in text
+
+
+def test_equal_inputs_give_equal_bytes(compared, built, tmp_path):
+    folder, text = built
+    figures.save(drawn.draw(compared), tmp_path)
+    assert drawn.page(compared, tmp_path, {"commit": "abc"}).splitlines()[:200] == text.splitlines()[:200]
+    names = sorted(path.name for path in folder.iterdir())
+    assert names == sorted(path.name for path in tmp_path.iterdir())
+    assert all((folder / name).read_bytes() == (tmp_path / name).read_bytes() for name in names)
+
+
+def test_too_few_data_sets_have_no_rank_drawing():
+    compared = c.compare([study(families=("a",))], ACCEPTED)
+    assert [item.name for item in drawn.draw(compared)] == ["fingerprinting_times"]
+    assert "paired differences decide" in drawn.answer(compared[0].groups[0])
+
+
+@pytest.mark.parametrize(
+    ("seconds", "told"),
+    [(12.3, "12 s"), (0.99, "1.0 s"), (0.0123, "12 ms"), (2e-6, "2.0 µs"), (np.nan, "\N{EN DASH}")],
+)
+def test_run_times_have_two_digits(seconds, told):
+    assert drawn.duration(seconds) == told
+
+
+def test_the_list_of_algorithms_names_rows_of_the_configuration_once():
+    known = pd.read_csv(ROOT / "data/algorithms.csv", dtype=str)
+    assert not known.duplicated().any()
+    assert known.equals(known.sort_values(["task", "algorithm"], ignore_index=True))
+    studies = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))["studies"]
+    rows = {row for values in studies.values() for row in values["algorithms"]}
+    assert set(known["algorithm"]) <= rows
+
+
+def test_the_script_reads_the_files_of_studies_and_writes_a_table_a_task(tmp_path):
+    spec = importlib.util.spec_from_file_location(
+        "comparison_script", ROOT / "workflow/scripts/comparison.py"
+    )
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    own = study()
+    own.table.to_csv(tmp_path / "t.csv", index=False)
+    own.paired.to_csv(tmp_path / "p.csv", index=False)
+    own.times.to_csv(tmp_path / "s.csv", index=False)
+    swept = own.worlds.assign(value=3.0, metric="mean_m", mean_m=0.0)
+    measures = pd.concat([own.worlds.assign(value=np.nan, metric="mean_m"), swept]).rename(
+        columns={"mean_m": "x"}
+    )
+    measures.to_parquet(tmp_path / "m.parquet", index=False)
+    (tmp_path / "known.csv").write_text("task,algorithm\nfingerprinting,wknn\n")
+    (tmp_path / "manifest.json").write_text(json.dumps({"commit": "abc"}))
+    plan = {"title": "Rooms", "recordings": {}, "reference": "wknn", "entries": ENTRIES, "quick": True}
+    script.main(
+        {"rooms": plan},
+        {
+            name: [str(tmp_path / file)]
+            for name, file in (
+                ("table", "t.csv"),
+                ("paired", "p.csv"),
+                ("times", "s.csv"),
+                ("measures", "m.parquet"),
+            )
+        },
+        str(tmp_path / "known.csv"),
+        str(tmp_path / "manifest.json"),
+        {"html": str(tmp_path / "comparison.html"), "folder": str(tmp_path / "comparison")},
+    )
+    lines = pd.read_csv(tmp_path / "comparison/fingerprinting.csv")
+    assert set(lines.loc[~lines["new"], "algorithm"]) == {"wknn"}
+    assert lines.loc[lines["algorithm"] == "wknn_wide", "rank"].tolist() == [1, 1, 1]
+    assert "Quick build" in (tmp_path / "comparison.html").read_text(encoding="utf-8")
+
+
+SORTED = """<!DOCTYPE html><meta charset="utf-8"><pre id="told"></pre>
+<p class="filters" hidden><select data-filter="kind" data-table="t"><option value="">all</option>
+<option value="a|b">ab</option><option value="c">c</option></select>
+<input type="search" data-table="t"></p><output data-count="t"></output>
+<table class="sortable" id="t"><thead><tr><th data-sort="text">name</th><th>kind</th>
+<th data-sort="number">size</th></tr></thead><tbody>
+<tr data-kind="a"><th>row10</th><td>a</td><td data-value="1000">1 km</td></tr>
+<tr data-kind="b"><th>Row9</th><td>b</td><td>\u2212 2.5</td></tr>
+<tr data-kind="c" id="hidden"><th>row1</th><td>c</td><td>\u2013</td></tr>
+<tr data-kind="a"><th>row2</th><td>a</td><td>1 000</td></tr>
+<tr data-kind="a"><th></th><td colspan="2">none</td></tr></tbody></table>
+<script>%s</script>
+<script>
+const told = [];
+const rows = () => [...document.querySelectorAll("tbody tr")].filter((row) => !row.hidden)
+  .map((row) => row.cells[0].textContent || "-").join(" ");
+const note = (what) => told.push(what + ": " + rows());
+const heads = document.querySelectorAll("th[data-sort]");
+const press = (n) => heads[n].querySelector("button").click();
+note("start"); press(1); note("up " + heads[1].getAttribute("aria-sort"));
+press(1); note("down " + heads[1].getAttribute("aria-sort"));
+press(0); note("text " + heads[1].getAttribute("aria-sort"));
+const select = document.querySelector("select"), search = document.querySelector("input");
+const choose = (field, value) => { field.value = value; field.dispatchEvent(new Event("input")); };
+choose(select, "a|b"); note("two " + document.querySelector("output").textContent);
+choose(search, "ROW2  a"); note("words");
+location.hash = "#hidden";
+told.push("filters " + document.querySelector(".filters").hidden);
+setTimeout(() => { note("link"); document.getElementById("told").textContent = told.join("\\n"); }, 50);
+</script>"""
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="chromium is not installed")
+def test_the_script_sorts_and_filters_in_a_browser(tmp_path):
+    page = tmp_path / "page.html"
+    page.write_text(SORTED % (TEMPLATES / "sort.js").read_text(encoding="utf-8"), encoding="utf-8")
+    options = (
+        "--headless --no-sandbox --disable-gpu --disable-background-networking --virtual-time-budget=2000"
+    )
+    command = [
+        "chromium",
+        *options.split(),
+        f"--user-data-dir={tmp_path / 'profile'}",
+        "--dump-dom",
+        page.as_uri(),
+    ]
+    shown = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
+    told = re.search(r'<pre id="told">(.*?)</pre>', shown, re.DOTALL)[1].splitlines()
+    assert told == [
+        "start: row10 Row9 row1 row2 -",
+        "up ascending: Row9 row10 row2 row1 -",
+        "down descending: row10 row2 Row9 row1 -",
+        "text null: row1 row2 Row9 row10 -",
+        "two 4 of 5 rows: row2 Row9 row10 -",
+        "words: row2",
+        "filters false",
+        "link: row1 row2 Row9 row10 -",
+    ]
+
+
+def test_the_script_is_small_and_plain():
+    text = (TEMPLATES / "sort.js").read_text(encoding="utf-8")
+    assert len(text.encode()) < 6000
+    assert not re.search(r"https?:|import |require\(|eval|</", text)
