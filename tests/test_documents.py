@@ -1,14 +1,17 @@
-"""The texts hold: links, keys, commands, numbers of the README, and examples that run."""
+"""The texts hold: links, keys, commands, numbers and filled blocks, and examples that run."""
 
+import ast
 import csv
 import importlib
 import importlib.util
 import inspect
+import os
 import re
 import subprocess
 import sys
 from collections import Counter
 from dataclasses import fields, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +19,12 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from conftest import ROOT
+from conftest import ROOT, Project, make_project
 from planning.config import CONTEXT, resolve
 
 from positioning.errors import InputError
 from positioning.evaluation.claims import COLUMNS, VERDICTS, quantities
+from positioning.evaluation.comparison import COLUMNS as COMPARISON
 from positioning.evaluation.measures import MEASURES, PAIRED, TABLE
 from positioning.files import read_yaml, write_tree
 from positioning.filters.plane import with_leading_axis
@@ -40,9 +44,11 @@ TEXTS = [
     ROOT / "config/README.md",
     ROOT / "data/README.md",
     ROOT / "reports/README.md",
-    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
 ]
 TEXT_NAMES = [str(path.relative_to(ROOT)) for path in TEXTS]
+NOTHING = "\N{EN DASH}"
+PAPERS = [path.stem for path in sorted((ROOT / "data/papers").glob("*.yaml"))]
 
 
 def readme_tables() -> Any:
@@ -92,11 +98,6 @@ def anchors(text: str) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-def claims_of_the_paper() -> list[dict[str, Any]]:
-    claims: list[dict[str, Any]] = read_yaml(ROOT / "data/papers/robo_sar.yaml")["claims"]
-    return claims
-
-
 # Numbers of the README
 
 
@@ -109,69 +110,191 @@ def ledger() -> pd.DataFrame:
 
 
 def test_the_readme_counts_the_verdicts_of_the_accepted_ledger() -> None:
-    accepted = ledger()
-    head, *lines = tables_of(readme_tables().block(read("README.md")))[0]
-    assert head[:2] == ["study", "claims"]
-    told = {line[0].strip("`"): dict(zip(head[1:], line[1:], strict=True)) for line in lines}
-    assert set(accepted["study"]) <= set(told)
-    for study, cells in told.items():
-        counted = Counter(accepted[accepted["study"] == study]["verdict"])
-        assert int(cells.pop("claims")) == sum(counted.values())
-        assert {verdict: int(n) for verdict, n in cells.items() if n.isdecimal()} == dict(counted)
+    accepted, module = ledger(), readme_tables()
+    head, *lines = tables_of(read("README.md"))[0]
+    assert head == ["paper", "claims", *module.GROUPS]
+    told = {}
+    for line in lines:
+        link = re.fullmatch(r"\[(.+)\]\(docs/reproduction/(\w+)\.md\)", line[0])
+        assert link is not None
+        assert read(f"docs/reproduction/{link[2]}.md").startswith(f"# {link[1]}\n")
+        told[link[2]] = [int(cell) if cell.isdecimal() else 0 for cell in line[1:]]
+    assert set(told) == set(accepted["paper"]) == set(PAPERS)
+    for paper, (claims, *counted) in told.items():
+        found = Counter(accepted[accepted["paper"] == paper]["verdict"])
+        assert claims == found.total() == sum(counted)
+        assert counted == [sum(found[v] for v in verdicts) for verdicts in module.GROUPS.values()]
 
 
-def test_the_readme_shows_the_mean_errors_of_the_accepted_ledger() -> None:
-    accepted = ledger().set_index("claim")
-    of_row: dict[str, list[str]] = {}
-    for claim in claims_of_the_paper():
-        if claim["kind"] == "value" and claim["quantity"].get("metric") == "mean_m":
-            of_row.setdefault(claim["quantity"].get("algorithm"), []).append(claim["id"])
-    table = next(t for t in tables_of(readme_tables().block(read("README.md"))) if t[0][0] == "algorithm")
-    shown = set()
-    for algorithm, printed, rebuilt, interval, verdict in table[1:]:
-        row = algorithm.strip("`")
-        # The paper prints the best row's mean twice, in the table and in its abstract.
-        matching = [accepted.loc[claim] for claim in of_row[row]]
-        matching = [line for line in matching if line["printed"] == printed]
-        assert matching, (row, printed)
-        shown.add(row)
-        cells = [rebuilt, *interval.split(" to ")]
-        for line in matching:
-            assert verdict == line["verdict"]
-            for told, number in zip(cells, line[["rebuilt", "low", "high"]], strict=True):
-                # The ledger keeps six digits, so the last shown one may round the other way.
-                half_unit = 0.5 * 10.0 ** -len(told.partition(".")[2])
-                assert float(told) == pytest.approx(float(number), abs=half_unit + 1e-5)
-    assert shown == {
-        claim.split(".")[1] for claim in accepted.index if re.fullmatch(r"table1\.\w+\.mean", claim)
+def test_every_verdict_is_in_one_group() -> None:
+    module = readme_tables()
+    assert sorted(v for verdicts in module.GROUPS.values() for v in verdicts) == sorted(VERDICTS)
+    assert set(module.DIFFERS) < set(VERDICTS)
+
+
+def test_the_readme_is_short() -> None:
+    assert len(read("README.md").splitlines()) < 120
+    assert max(len(line) for table in tables_of(read("README.md")) for line in table) <= 8
+
+
+@pytest.mark.parametrize("name", ["README.md", *(f"docs/reproduction/{paper}.md" for paper in PAPERS)])
+def test_blocks_are_those_of_the_accepted_ledger(name: str) -> None:
+    module = readme_tables()
+    paper = "" if name == "README.md" else Path(name).stem
+    text = read(name)
+    assert module.blocks(text)
+    assert module.filled(text, module.read_facts(ROOT), paper) == text, "call `python docs/readme_tables.py`"
+
+
+@pytest.fixture
+def toy(tmp_path: Path) -> Path:
+    """A project of one paper with three claims, and documents with blocks that are not filled."""
+    lines = [
+        ["a.one", "p", "s", "", "first | one", "m", "2.5", "3.14159", "2", "4", "40", "reproduced", ""],
+        ["a.two", "p", "s", "", "second", "", "", "0.01", "0", "0.1", "40", "fails", ""],
+        ["b", "p", "s", "", "third", "m", "", "7", "7", "7", "40", "none given", ""],
+    ]
+    texts = {
+        "tests/golden/claims.csv": "\n".join(",".join(line) for line in [COLUMNS, *lines]) + "\n",
+        "config/config.yaml": "studies: {s: {worlds: 3, sweeps: {k: {use: knn, over: {k: [1, 2.0]}}}}}\n",
+        "data/papers/p.yaml": "settings: {s: {x: {value: 1, where: here}, y: {value: 2, assumed: true}}}\n"
+        "readings: {s: [{equation: '1', problem: a | b, used: c}]}\n",
+        "README.md": "# A\n\n<!-- summary:start -->\nold\n<!-- summary:end -->\n\nlast\n",
+        "docs/reproduction/p.md": "# About p\n"
+        + "".join(
+            f"<!-- {words.replace(' ', ':start ', 1) if ' ' in words else words + ':start'} -->\n"
+            f"<!-- {words.split()[0]}:end -->\n"
+            for words in ("verdicts", "settings", "readings s", "claims a.* b", "differs *", "tried s")
+        ),
     }
-
-
-def test_readme_tables_replace_the_block_and_nothing_else(tmp_path: Path) -> None:
-    module = readme_tables()
-    text = f"# A\n\n{module.START}\nold\n{module.END}\n\nlast\n"
-    (tmp_path / "README.md").write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match="`make`"):
-        module.main(tmp_path)
-    for path, content in ((module.SUMMARY, "| new |\n"), (module.PICTURE, "<svg/>")):
+    for path, text in texts.items():
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / path).write_text(content, encoding="utf-8")
-    module.main(tmp_path)
-    assert (tmp_path / "README.md").read_text(encoding="utf-8") == text.replace("old", "| new |")
-    assert module.block((tmp_path / "README.md").read_text(encoding="utf-8")) == "| new |"
-    assert (tmp_path / module.SHOWN).read_bytes() == b"<svg/>"
+        (tmp_path / path).write_text(text, encoding="utf-8")
+    return tmp_path
 
 
-def test_readme_tables_change_nothing_without_both_markers(tmp_path: Path) -> None:
+def test_readme_tables_fill_the_blocks_and_change_nothing_else(toy: Path) -> None:
     module = readme_tables()
-    for text in (
-        f"{module.START} x",
-        f"x {module.END}",
-        f"{module.END} x {module.START}",
-        f"{module.START}" * 2,
-    ):
-        with pytest.raises(InputError, match="markers"):
-            module.with_block(text, "new")
+    module.main(toy)
+    readme = (toy / "README.md").read_text(encoding="utf-8")
+    assert readme.startswith("# A\n\n<!-- summary:start -->\n\n| paper |")
+    assert readme.endswith("|\n\n<!-- summary:end -->\n\nlast\n")
+    assert tables_of(readme)[0][1] == [
+        "[About p](docs/reproduction/p.md)",
+        "3",
+        "1",
+        NOTHING,
+        "1",
+        NOTHING,
+        "1",
+    ]
+    page = (toy / "docs/reproduction/p.md").read_text(encoding="utf-8")
+    verdicts, settings, readings, claims, differs, tried = tables_of(page)
+    assert verdicts[1] == ["`s`", "3", "1", "1", "1"]
+    assert settings[1] == ["`s`", "1", "1", "`x`"]
+    assert readings[1] == ["1", "a \\| b", "c", NOTHING]
+    assert claims[1:] == [
+        ["`a.one`", "first \\| one", "2.5 m", "3.14 m", "2.00 to 4.00", "reproduced"],
+        ["`a.two`", "second", NOTHING, "1 % of the worlds", "0 % to 10 %", "fails"],
+        ["`b`", "third", NOTHING, "7 m", NOTHING, "none given"],
+    ]
+    assert differs[1:] == [claims[2]]
+    assert tried[1] == ["`k`", "`knn`", "`k`", "1, 2", "3"]
+    assert not (toy / module.SHOWN).exists()
+    (toy / module.PICTURE).parent.mkdir(parents=True)
+    (toy / module.PICTURE).write_text("<svg/>", encoding="utf-8")
+    module.main(toy)
+    assert (toy / module.SHOWN).read_bytes() == b"<svg/>"
+    assert (toy / "README.md").read_text(encoding="utf-8") == readme
+    assert (toy / "docs/reproduction/p.md").read_text(encoding="utf-8") == page
+
+
+@pytest.mark.parametrize(
+    ("block", "told"),
+    [
+        ("<!-- claims:start c.* -->\n<!-- claims:end -->\n", "no claim of p"),
+        ("<!-- readings:start t -->\n<!-- readings:end -->\n", "no such study"),
+        ("<!-- tried:start t -->\n<!-- tried:end -->\n", "no such study"),
+        ("<!-- numbers:start -->\n<!-- numbers:end -->\n", "no such block"),
+        ("<!-- claims:start a.* -->\n", "counterpart"),
+        ("<!-- claims:end -->\n", "counterpart"),
+        ("<!-- claims:end -->\n<!-- claims:start a.* -->\n", "counterpart"),
+        ("<!-- claims:start a.* -->\n<!-- differs:start * -->\n<!-- claims:end -->\n", "counterpart"),
+    ],
+)
+def test_a_block_that_cannot_be_filled_is_named_and_nothing_is_changed(
+    toy: Path, block: str, told: str
+) -> None:
+    page = toy / "docs/reproduction/p.md"
+    page.write_text(page.read_text(encoding="utf-8") + block, encoding="utf-8")
+    before = [path.read_bytes() for path in (toy / "README.md", page)]
+    with pytest.raises(InputError, match=told):
+        readme_tables().main(toy)
+    assert [path.read_bytes() for path in (toy / "README.md", page)] == before
+
+
+def test_without_a_ledger_the_cure_is_told(toy: Path) -> None:
+    (toy / "tests/golden/claims.csv").unlink()
+    with pytest.raises(InputError, match="make accept"):
+        readme_tables().main(toy)
+
+
+# Reproduction notes
+
+
+def without_blocks(text: str) -> str:
+    """Return a page without what is filled in, and without fenced blocks."""
+    return re.sub(r"^<!-- (\w+):start.*?^<!-- \1:end -->$", "", prose(text), flags=re.DOTALL | re.MULTILINE)
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_a_page_has_a_reason_for_every_claim_that_came_out_otherwise(paper: str) -> None:
+    module, accepted = readme_tables(), ledger()
+    own = accepted[(accepted["paper"] == paper) & accepted["verdict"].isin(module.DIFFERS)]["claim"]
+    blocks = [
+        words for name, words, _ in module.blocks(read(f"docs/reproduction/{paper}.md")) if name == "differs"
+    ]
+    explained = [
+        [claim for claim in own if any(fnmatchcase(claim, word) for word in words)] for words in blocks
+    ]
+    assert set(own) == {claim for claims in explained for claim in claims}
+    assert [words for words, claims in zip(blocks, explained, strict=True) if not claims] == []
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_a_page_has_its_parts_and_all_readings(paper: str) -> None:
+    text = read(f"docs/reproduction/{paper}.md")
+    facts = read_yaml(ROOT / f"data/papers/{paper}.yaml")
+    assert facts["title"] in " ".join(text.split())
+    parts = ["Printed beside rebuilt", "What the paper leaves open", "What is corrected"]
+    parts += ["What came out otherwise", "What was tried", "Open questions"]
+    assert re.findall(r"^## (.*)$", text, flags=re.MULTILINE) == parts
+    assert "**What the paper claims.**" in text
+    shown = {word for name, words, _ in readme_tables().blocks(text) if name == "readings" for word in words}
+    assert shown == set(facts["readings"])
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_numbers_in_the_words_of_a_page_are_the_paper_s_or_settings(paper: str) -> None:
+    """A computed number stands in a block; here it would grow stale."""
+    known = set(re.findall(r"\d+\.\d+", read(f"data/papers/{paper}.yaml") + read("config/config.yaml")))
+    text = re.sub(r"`[^`]*`", "", without_blocks(read(f"docs/reproduction/{paper}.md")))
+    # Sections and equations of papers have such numbers, too.
+    text = re.sub(r"\b([Ss]ections?|[Ee]quations?) [\d., and]+", "", text)
+    assert [number for number in re.findall(r"\d+\.\d+", text) if number not in known] == []
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_names_in_the_words_of_a_page_exist(paper: str) -> None:
+    studies = read_yaml(ROOT / "config/config.yaml")["studies"]
+    known = {*studies, *VERDICTS}
+    for study in studies.values():
+        known |= {*study["algorithms"], *study.get("sweeps", {}), *study.get("families", {})}
+    claims = list(ledger().query("paper == @paper")["claim"])
+    for name in re.findall(r"`([^`\n]+)`", without_blocks(read(f"docs/reproduction/{paper}.md"))):
+        if "/" in name or name in known:
+            continue
+        assert any(fnmatchcase(claim, name) or claim.endswith(name) for claim in claims), name
 
 
 # Links, commands, keys
@@ -205,13 +328,60 @@ def test_make_targets_exist(name: str) -> None:
     assert set(named) <= targets
 
 
-@pytest.mark.parametrize(
-    "name", ["README.md", "CONTRIBUTING.md", "docs/architecture.md", "docs/add-an-algorithm.md"]
-)
+FOLDERS = r"(?:algorithms|positioning|workflow|tests|config|docs|data/papers|benchmarks|profiles)"
+
+
+def made_by_guides() -> set[str]:
+    """Return the files that the guides have their readers write."""
+    texts = [read(name) for name in TEXT_NAMES if name.startswith("docs/")]
+    named = re.findall(r"`([\w/]+\.\w+)`:\n\n```", "\n".join(texts))
+    written = re.findall(r" > ([\w/]+\.py)$", "\n".join(texts), flags=re.MULTILINE)
+    return {*named, *written}
+
+
+@pytest.mark.parametrize("name", TEXT_NAMES)
 def test_files_of_the_project_that_texts_name_exist(name: str) -> None:
-    folders = r"(?:algorithms|positioning|workflow|tests|config|docs|data/papers|benchmarks)"
-    for path in re.findall(rf"`({folders}/[\w./\-]*)`", prose(read(name))):
-        assert (ROOT / path).exists() or path == "tests/golden/claims.csv", path
+    text = read(name)
+    commands = "\n".join(fenced(text, "(?:ba)?sh"))
+    paths = [
+        *re.findall(rf"`({FOLDERS}/[\w./\-]*)`", prose(text)),
+        *re.findall(rf"(?<![\w/])({FOLDERS}/[\w./\-]+)", commands),
+    ]
+    for path in paths:
+        assert (ROOT / path).exists() or path in made_by_guides(), path
+
+
+@pytest.mark.parametrize("name", TEXT_NAMES)
+def test_results_and_pages_that_texts_name_are_written_by_a_rule(name: str) -> None:
+    rules = "".join(path.read_text("utf-8") for path in (ROOT / "workflow/rules").glob("*.smk"))
+    rules += read("Makefile")
+    studies = [*read_yaml(ROOT / "config/config.yaml")["studies"], "corridor"]
+    # What stands in for all studies, tasks or rows is called so in the rules as well.
+    stems = "|".join(map(re.escape, studies))
+    written = rules.replace("{{", "<").replace("}}", ">").replace("{REPORTS}", "reports")
+    written = written.replace("{RESULTS}", "results")
+    named = re.findall(r"`((?:reports|results)/[\w<>./\-]+\.\w+)`", prose(read(name)))
+    for path in named:
+        general = re.sub(rf"/(?:{stems})(?=[._/])", "/<study>", path.replace("/quick/", "/"))
+        if "/logs/" not in general and not general.startswith("results/figures/"):
+            assert re.search(rf'["/ ]{re.escape(general)}', written) or general in MANY, path
+
+
+MANY = {
+    "results/errors/<study>/<row>/<batch>.parquet",
+    "results/comparison/<task>.csv",
+}
+"""Files in folders that a rule writes as a whole."""
+
+
+@pytest.mark.parametrize("name", TEXT_NAMES)
+def test_targets_that_texts_give_to_snakemake_exist(name: str) -> None:
+    studies = {*read_yaml(ROOT / "config/config.yaml")["studies"], "corridor"}
+    text = read(name)
+    parts = [*re.findall(r"`(snakemake [^`\n]+)`", prose(text)), *fenced(text, "(?:ba)?sh")]
+    for part in parts:
+        for target in re.findall(r"^snakemake (\w+)(?= |$)", part, flags=re.MULTILINE):
+            assert target in studies, part
 
 
 def schema_keys() -> dict[str, set[str]]:
@@ -327,6 +497,41 @@ def test_every_rule_stands_in_the_table_of_rules_with_its_script_and_file() -> N
     assert {tuple(cell.strip("`") for cell in line[:3]) for line in table[1:]} == expected
 
 
+def test_every_rule_stands_in_the_picture() -> None:
+    (picture,) = fenced(read("docs/architecture.md"), "mermaid")
+    table = tables_of(section(read("docs/architecture.md"), "Rules"))[0]
+    shown = set(re.findall(r"[a-z_]+", " ".join(re.findall(r'-- "(.*?)" -->', picture))))
+    assert {line[0].strip("`") for line in table[1:]} - {"study_manifest"} <= shown
+    nodes = set(re.findall(r"^  (\w+)\[", picture, flags=re.MULTILINE))
+    arrows = re.findall(r'^  (\w+) (?:-- ".*?" )?--> (\w+)$', picture, flags=re.MULTILINE)
+    assert nodes == {name for arrow in arrows for name in arrow}
+    assert len(picture.splitlines()) == 1 + len(nodes) + len(arrows)
+
+
+def test_the_table_of_rooms_has_every_room() -> None:
+    table = tables_of(section(read("docs/architecture.md"), "Rooms of the tree"))[0]
+    told = {path for line in table[1:] for path in re.findall(r"`([\w/.]+)`", line[0])}
+    packages = {f"{path.parent.relative_to(ROOT)}/" for path in (ROOT / "positioning").glob("*/__init__.py")}
+    rooms = {"config/", "algorithms/", "positioning/", "workflow/", "profiles/", "results/", "reports/"}
+    rooms |= {"data/papers/", "data/sources.csv", "tests/", "benchmarks/", "docs/"}
+    assert told == rooms | packages
+
+
+def test_imports_go_the_way_that_the_architecture_tells() -> None:
+    later = ("positioning.evaluation", "positioning.presentation")
+    for path in [*(ROOT / "positioning").rglob("*.py"), *(ROOT / "algorithms").rglob("*.py")]:
+        room = ".".join(path.relative_to(ROOT).with_suffix("").parts[:2])
+        if room == "positioning.presentation":
+            continue
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                names = [node.module or ""]
+            else:
+                names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            forbidden = later[1:] if room in later else later
+            assert [name for name in names if name.startswith(forbidden)] == [], path
+
+
 def test_every_verdict_and_kind_is_explained() -> None:
     text = section(read("docs/architecture.md"), "Verdicts")
     assert [verdict for verdict in VERDICTS if f"`{verdict}`" not in text] == []
@@ -337,7 +542,12 @@ def test_every_verdict_and_kind_is_explained() -> None:
 
 @pytest.mark.parametrize(
     ("heading", "columns"),
-    [("Tables", [*TABLE, "note", *PAIRED]), ("Claims", COLUMNS), ("Measures", MEASURES)],
+    [
+        ("Tables", [*TABLE, "note", *PAIRED]),
+        ("Claims", COLUMNS),
+        ("Measures", MEASURES),
+        ("Comparison", COMPARISON),
+    ],
 )
 def test_every_column_is_explained(heading: str, columns: list[str]) -> None:
     text = section(read("docs/data-formats.md"), heading)
@@ -487,6 +697,111 @@ def test_the_tracker_of_the_guide_follows_a_drive_in_spite_of_its_bias() -> None
     observed = {**with_leading_axis(recording).to_arrays(), **with_leading_axis(site).to_arrays()}
     outcome = tracking.run(lambda **_: tracker, observed, None, {}, [np.random.default_rng(0)])
     np.testing.assert_array_equal(outcome.estimates["position_m"][0], track.position_m)
+
+
+@pytest.fixture(scope="module")
+def corridor(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, list[str]]:
+    """A project without studies, after the files and commands of the guide to studies; what they print."""
+    guide = read("docs/add-a-study.md")
+    folders = {"data": "data", "results": "results", "reports": "reports", "realdata": "absent"}
+    project = make_project(tmp_path_factory.mktemp("study"), {"folders": folders, "studies": {}})
+    config = project.folder / "config/config.yaml"
+    # The guide adds its study at the end of the configuration, in the style of the shipped one.
+    assert list(read_yaml(ROOT / "config/config.yaml"))[-1] == "studies"
+    assert config.read_text("utf-8").endswith("studies: {}\n")
+    config.write_text(config.read_text("utf-8").replace("studies: {}", "studies:"), encoding="utf-8")
+    files = re.findall(r"`([\w/]+\.\w+)`:\n\n```\w+\n(.*?)^```$", guide, flags=re.DOTALL | re.MULTILINE)
+    assert len(files) == 4
+    for path, text in files:
+        (project.folder / path).write_text(text, encoding="utf-8")
+    environment = {
+        **os.environ,
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": str(project.folder),
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
+    said = []
+    for block in fenced(guide, "bash"):
+        done = subprocess.run(
+            ["bash", "-euo", "pipefail", "-c", block],
+            cwd=project.folder,
+            env=environment,
+            check=False,
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+        said.append(done.stdout)
+    return project, said
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("study")
+def test_the_guide_s_own_files_and_commands_add_a_study(corridor: tuple[Project, list[str]]) -> None:
+    project, said = corridor
+    verdicts = dict(re.findall(r"^ *(\S+) .*?([a-z][a-z ]+)$", said[-1].partition("\n")[2], re.MULTILINE))
+    paper = read_yaml(project.folder / "data/papers/corridor.yaml")
+    assert set(verdicts) == {"claim", *(claim["id"] for claim in paper["claims"])}
+    assert verdicts["table1.knn.mean"].strip() == "calibrated"
+    assert verdicts["cost"].strip() == "not testable"
+    claims = pd.read_csv(project.folder / "results/claims/corridor.csv").set_index("claim")
+    assert claims.loc["table1.knn.mean", "rebuilt"] == pytest.approx(2.9, abs=0.2)
+    assert 0.5 < claims.loc["order", "rebuilt"] <= 1
+    assert 0 < claims.loc["ends", "rebuilt"] < 1
+    page = (project.folder / "reports/corridor.html").read_text("utf-8")
+    assert "Error along the corridor" in page
+    assert (project.folder / "results/figures/corridor/fig2.svg").is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("study")
+def test_the_guide_s_code_keeps_to_the_style(corridor: tuple[Project, list[str]]) -> None:
+    folder = corridor[0].folder
+    (folder / "pyproject.toml").write_text(read("pyproject.toml"), encoding="utf-8")
+    files = [str(path.relative_to(folder)) for path in folder.rglob("positioning/**/corridor.py")]
+    assert len(files) == 3
+    for command in (["check"], ["format", "--check"]):
+        subprocess.run([sys.executable, "-m", "ruff", *command, *files], cwd=folder, check=True)
+
+
+@pytest.mark.slow
+def test_tables_and_entries_of_the_guide_to_data_sets_make_rows(tmp_path: Path) -> None:
+    """Its CSV files and its entries of the configuration, as they stand, through the workflow."""
+    guide = read("docs/add-a-data-set.md")
+    shipped = read_yaml(ROOT / "config/config.yaml")["studies"]
+    rows = {"fingerprint_real": ["nearest_neighbour"], "bluetooth_real": ["path_loss", "pseudo_inverse"]}
+    config: dict[str, Any] = {
+        "folders": {"data": "data", "results": "results", "reports": "reports", "realdata": "recordings"},
+        "studies": {
+            study: {**shipped[study], "reference": names[0], "recordings": {}, "sweeps": {}}
+            | {"algorithms": {name: shipped[study]["algorithms"][name] for name in names}}
+            for study, names in rows.items()
+        },
+    }
+    entries = [yaml.safe_load(text)["studies"] for text in fenced(guide, "yaml")]
+    for study, added in [*entries[0].items(), *entries[-1].items()]:
+        config["studies"][study]["recordings"] |= added["recordings"]
+    project = make_project(tmp_path, config)
+    survey, walk, beacons, calibration = fenced(guide, "csv")[:4]
+    files = {"my_office/survey": survey, "my_hall/walk": walk}
+    files |= {"my_hall/beacons": beacons, "my_hall/calibration": calibration}
+    for name, text in files.items():
+        assert f"`{name.rpartition('/')[2]}.csv`" in guide or f"{name}.csv`" in guide
+        path = project.folder / f"recordings/{name}.csv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    project.snakemake(*(f"results/tables/{study}.csv" for study in rows))
+    for study, recording, samples in (
+        ("fingerprint_real", "my_office", survey.count("\n") - 1),
+        ("bluetooth_real", "my_hall", walk.count("\n") - 1),
+    ):
+        table = pd.read_csv(project.folder / f"results/tables/{study}.csv")
+        table = table[table["family"] == recording].set_index("algorithm")
+        assert list(table.index) == rows[study]
+        assert table["note"].isna().all()
+        assert (table["mean_m"] > 0).all()
+        assert 0 < table["n"].iloc[-1] <= samples
 
 
 def test_the_guide_to_data_sets_names_every_array_with_its_dimensions() -> None:
