@@ -1,6 +1,8 @@
 """What algorithms that align walks share: a graph of all poses, WiFi edges, walks placed by matched scans."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -20,7 +22,8 @@ Indices = NDArray[np.integer[Any]]
 _REFINED, _ROUNDS = 10, 10
 
 
-class Poses(NamedTuple):
+@dataclass(frozen=True)
+class Poses:
     """The poses of all walks, one walk after the other.
 
     Attributes
@@ -47,6 +50,11 @@ class Poses(NamedTuple):
     def heard(self) -> NDArray[np.bool_]:
         """Whether a pose has a scan that hears an access point, [m]."""
         return np.asarray(np.isfinite(self.rss_dbm).any(axis=-1))
+
+    @cached_property
+    def scan_distance_db(self) -> Array:
+        """Distance of all pairs of poses with such a scan by eq. 9, dB; computed once."""
+        return rss_distance_db(self.rss_dbm[self.heard])
 
     @property
     def heard_by_walk(self) -> NDArray[np.bool_]:
@@ -188,6 +196,7 @@ def wifi_pairs(
         position_m=poses.pose[:, :2],
         exclude_m=exclude_m,
         decides=decides,
+        distance_db=poses.scan_distance_db,
     )
 
 
@@ -355,7 +364,7 @@ def _matches(poses: Poses, window: int) -> Iterator[tuple[int, int, Indices, Ind
     if not len(scan):
         return
     walk = poses.walk[scan]
-    distance_db = rss_distance_db(poses.rss_dbm[scan])
+    distance_db = poses.scan_distance_db
     limit_db = window_threshold_db(distance_db, walk, window)
     heard = np.isfinite(poses.rss_dbm[scan])
     present = np.unique(walk)

@@ -13,15 +13,27 @@ from scipy.optimize import least_squares
 
 from positioning.errors import InputError
 from positioning.model import Array
+from positioning.posegraph import optimiser
 from positioning.posegraph.g2o import read
 from positioning.posegraph.graph import PoseGraph
-from positioning.posegraph.optimiser import COSTS, LOSSES, Cost, Loss, NearCost, Optimised, cost, optimise
+from positioning.posegraph.optimiser import (
+    COSTS,
+    LOSSES,
+    Cost,
+    Loss,
+    NearCost,
+    Optimised,
+    _Problem,
+    cost,
+    optimise,
+)
 from positioning.posegraph.residuals import (
     MOTION_INFORMATION,
     motion_residual,
     move,
     near_residual,
     relative_pose,
+    wrap,
 )
 
 CHECKOUT = Path(__file__).parents[1]
@@ -174,15 +186,106 @@ def test_an_independent_solver_finds_no_less(kind: Cost, seed: int) -> None:
     assert found.cost < 0.9 * found.cost_start
 
 
+def difference_gradient(problem: _Problem, pose: Array, width: float = 1e-5) -> Array:
+    """Return the slope of the minimised cost along each coordinate of each free pose, by differences."""
+    unit = np.eye(3 * len(problem.free))
+    there, back = (
+        np.array([problem.cost(problem.moved(pose, sign * width * axis)).minimised for axis in unit])
+        for sign in (1, -1)
+    )
+    return np.asarray((there - back) / (2 * width))
+
+
 @settings(max_examples=10, deadline=None)
 @given(st.integers(0, 1000), st.sampled_from(COSTS), st.sampled_from([None, *LOSSES]))
-def test_the_gradient_vanishes_where_it_stops(seed: int, kind: Cost, loss: Loss | None) -> None:
+def test_the_gradient_is_the_slope_of_the_cost_and_vanishes_where_it_stops(
+    seed: int, kind: Cost, loss: Loss | None
+) -> None:
     graph = walks(seed)
+    graph = replace(graph, loop=np.arange(len(graph.motion)) % 3 == 0)
     near = NearCost(weight=3.0, cost=kind, loss=loss if kind == "squared" else None, rounding=0.1, d_min_m=0)
-    found = optimise(graph, near=near, tolerance=EXACT, iterations=1000)
+    problem = _Problem(graph, near, loss, 0.2)
+    gradient, _ = problem.normal_equations(graph.pose)
+    size = np.abs(gradient).max()
+    np.testing.assert_allclose(difference_gradient(problem, graph.pose), gradient, atol=1e-5 * size)
+    found = optimise(graph, near=near, loop_loss=loss, loop_scale=0.2, tolerance=EXACT, iterations=1000)
     assert found.cost <= found.cost_start * (1 + 1e-9) + 1e-9
-    better = optimise(replace(graph, pose=found.pose), near=near, tolerance=EXACT, iterations=1000)
-    assert better.cost == pytest.approx(found.cost, rel=1e-6)
+    if found.converged:
+        gradient, _ = problem.normal_equations(found.pose)
+        assert np.abs(gradient).max() < 1e-4 * size
+        assert np.abs(difference_gradient(problem, found.pose)).max() < 1e-4 * size
+
+
+def long_walks() -> tuple[PoseGraph, NearCost]:
+    """Return walks round one ring with drift and pairs in plenty: a graph whose factor fills up."""
+    rng = np.random.default_rng(5)
+    number, length = 4, 120
+    turn = rng.normal(4 * np.pi / length, 0.02, (number, length - 1))
+    pose = np.zeros((number, length, 3))
+    for k in range(1, length):
+        steps = np.stack([np.full(number, 1.5), np.zeros(number), turn[:, k - 1]], axis=-1)
+        pose[:, k] = move(pose[:, k - 1], steps)
+    angle = 4 * np.pi / length * np.arange(length)
+    true_m = np.tile(
+        np.stack([np.cos(angle), np.sin(angle)], axis=-1) * 1.5 * length / (4 * np.pi), (number, 1)
+    )
+    apart_m = np.linalg.norm(true_m[:, None] - true_m, axis=-1)
+    one, two = np.nonzero(np.triu(apart_m < 6, 2))
+    end = np.flatnonzero(np.arange(number * length) % length)
+    flat = pose.reshape(-1, 3)
+    motion = relative_pose(flat[end - 1], flat[end])
+    graph = graph_of(flat, np.stack([end - 1, end], axis=-1), motion, near_from=one, near_to=two)
+    return graph.tied(), NearCost(weight=1e-3, d_max_m=60.0)
+
+
+def test_a_graph_that_fills_up_has_the_same_minimum(monkeypatch: pytest.MonkeyPatch) -> None:
+    graph, near = long_walks()
+    problem = _Problem(graph, near, None, 1.0)
+    assert problem.pattern._near_inverse is not None
+    gradient, hessian = problem.normal_equations(graph.pose)
+    iterated, promised = problem.step(graph.pose, gradient, hessian, 1e-3)
+    found = optimise(graph, near=near, tolerance=1e-10)
+    monkeypatch.setattr(optimiser, "_HEAVY", np.inf)
+    direct = _Problem(graph, near, None, 1.0)
+    assert direct.pattern._near_inverse is None
+    step, expected = direct.step(graph.pose, *direct.normal_equations(graph.pose), 1e-3)
+    # Iterations end where the error is a thousandth as the curvature weighs it.
+    assert np.linalg.norm(iterated - step) < 0.01 * np.linalg.norm(step)
+    assert promised == pytest.approx(expected, rel=1e-4)
+    factored = optimise(graph, near=near, tolerance=1e-10)
+    assert found.converged
+    assert factored.converged
+    assert found.cost == pytest.approx(factored.cost, rel=1e-7)
+    assert found.cost < 0.5 * found.cost_start
+    np.testing.assert_allclose(found.pose, factored.pose, atol=0.01)
+
+
+def test_iterations_that_fail_leave_it_to_a_factor(monkeypatch: pytest.MonkeyPatch) -> None:
+    graph, near = long_walks()
+    problem = _Problem(graph, near, None, 1.0)
+    assert problem.pattern._near_inverse is not None
+    gradient, hessian = problem.normal_equations(graph.pose)
+    expected, _ = problem.step(graph.pose, gradient, hessian, 1e-3)
+    monkeypatch.setattr(optimiser, "_CG_ITERATIONS", 1)
+    step, _ = problem.step(graph.pose, gradient, hessian, 1e-3)
+    assert np.linalg.norm(step - expected) < 0.01 * np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize("held", [0, 7, 17])
+def test_the_one_fixed_pose_of_a_part_only_tells_the_frame(held: int) -> None:
+    graph, near = walks(1), NearCost(weight=1.0, d_max_m=100.0)
+    fixed = np.arange(len(graph.pose)) == held
+    found = optimise(replace(graph, fixed=fixed), near=near, tolerance=EXACT, iterations=500)
+    first = optimise(graph, near=near, tolerance=EXACT, iterations=500)
+    np.testing.assert_array_equal(found.pose[held], graph.pose[held])
+    assert found.cost == pytest.approx(first.cost, rel=1e-9)
+    told = cost(replace(graph, pose=found.pose), near=near)
+    assert found.cost == pytest.approx(sum(told), rel=1e-9)
+    assert wrap(found.pose[:, 2] - first.pose[:, 2]).std() < 1e-4
+    # Held while it pulls, it does not stay where the others want it.
+    two = optimise(replace(graph, fixed=fixed | (np.arange(len(fixed)) == 3)), near=near, tolerance=EXACT)
+    assert two.cost > found.cost * (1 + 1e-6)
+    np.testing.assert_array_equal(two.pose[[held, 3]], graph.pose[[held, 3]])
 
 
 @settings(max_examples=15, deadline=None)

@@ -183,7 +183,12 @@ def test_one_world_of_the_agreed_shapes(adapter, folder, options):
             marks=needs(CORRIDOR),
         ),
         pytest.param(foot_imu_loop, LOOP, [{}], marks=needs(LOOP)),
-        pytest.param(phone_wifi_imu_library, LIBRARY, [{"query": ["t1", "t2", "t3"]}], marks=needs(LIBRARY)),
+        pytest.param(
+            phone_wifi_imu_library,
+            LIBRARY,
+            [{"query": ["t1", "t2", "t3"]}, {"walks": ["final1", "final2"]}],
+            marks=needs(LIBRARY),
+        ),
     ],
 )
 def test_the_register_has_the_files_that_are_read_and_no_other(monkeypatch, adapter, folder, every):

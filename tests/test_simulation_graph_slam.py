@@ -1,5 +1,6 @@
 """The worlds of the study graph_slam: building, walks, dead reckoning, radio, what is paired and hidden."""
 
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +9,12 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from algorithms.alignment.graph_slam import GraphSlam
 from positioning.errors import InputError
 from positioning.geometry import pairwise_distance_m, wall_crossings
 from positioning.model import Truth, Walks
+from positioning.posegraph.residuals import MOTION_INFORMATION
+from positioning.posegraph.similarity import NOT_HEARD_DBM
 from positioning.seeds import stream
 from positioning.simulation import graph_slam, graph_slam_imu
 from positioning.simulation.dead_reckoning import FootDraws, FootErrors, dead_reckon, draw_foot
@@ -19,6 +23,11 @@ from positioning.simulation.pedestrian import Walk, network
 
 PAPER = yaml.safe_load((Path(__file__).parents[1] / "data/papers/graph_slam.yaml").read_text("utf-8"))
 SETTINGS = {name: setting["value"] for name, setting in PAPER["settings"]["graph_slam"].items()}
+# Facts of the paper from which other settings follow, or that algorithms and not worlds have.
+PRINTED = (
+    *("walks", "duration_s", "total_m", "landmarks", "landmark_samples"),
+    *("heading_information", "d_min_m", "d_max_m", "not_heard_dbm"),
+)
 CHAIN = {name: setting["value"] for name, setting in PAPER["settings"]["graph_slam_imu"].items()}
 WORLDS, WALKS, POSES, LINE_POSES = 6, 5, 855, 30
 PERFECT = {"heading_noise_deg": 0.0, "drift_deg_per_s": 0.0, "scale_deviation": 0.0, "position_noise_m": 0.0}
@@ -633,7 +642,29 @@ def test_senseless_settings_are_named(name, value):
         drawn(**{name: value})
 
 
-@pytest.mark.parametrize("name", sorted(SETTINGS))
+def test_what_is_printed_is_what_worlds_and_algorithms_use():
+    printed = {name: SETTINGS[name] for name in PRINTED}
+    walk_s, visits = SETTINGS["walk_s"], SETTINGS["visits"]
+    defaults = {
+        name: parameter.default for name, parameter in signature(GraphSlam.__init__).parameters.items()
+    }
+    assert printed == {
+        "walks": len(walk_s),
+        "duration_s": [min(walk_s), max(walk_s)],
+        "landmarks": len(SETTINGS["landmark_m"]),
+        "landmark_samples": sum(visits),
+        "heading_information": MOTION_INFORMATION[2, 2],
+        "d_min_m": defaults["d_min_m"],
+        "d_max_m": defaults["d_max_m"],
+        "not_heard_dbm": NOT_HEARD_DBM,
+        "total_m": pytest.approx(sum(walk_s) * np.mean(SETTINGS["speed_m_per_s"]), rel=0.1),
+    }
+    assert len(visits) == len(walk_s)
+    for name in printed:
+        assert "where" in PAPER["settings"]["graph_slam"][name], name
+
+
+@pytest.mark.parametrize("name", sorted(set(SETTINGS) - set(PRINTED)))
 def test_no_default_hides_in_the_code(name):
     with pytest.raises(InputError, match=name):
         simulate({key: value for key, value in SETTINGS.items() if key != name}, rngs([0]))

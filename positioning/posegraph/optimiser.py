@@ -10,17 +10,19 @@ proportion to what its proximity edges could pull, with that of the steps scaled
 before the search stops it tries a step that is hardly damped.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from positioning.errors import InputError
+from positioning.geometry import rotated
 from positioning.model import Array
 from positioning.posegraph.graph import PoseGraph
+from positioning.posegraph.preconditioner import TwoLevel
 from positioning.posegraph.residuals import (
     D_MAX_M,
     D_MIN_M,
@@ -45,9 +47,11 @@ _LEAST_DAMPING, _MOST_DAMPING = 1e-9, 1e12
 _RIDGE = 1e-14
 _NO_DISTANCE_M = 1e-12
 _NEGLIGIBLE_COST = 1e-24
-# A factor with fewer values an unknown costs no more than a few iterations with an old one.
+# A factor with fewer values an unknown costs no more than a few iterations.
 _HEAVY = 200
-_CLOSE, _CG_ITERATIONS = 1e-2, 8
+_CLOSE, _CG_ITERATIONS = 1e-3, 200
+# A new coarse problem costs as much as some fifteen iterations.
+_CG_MORE = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,7 +208,8 @@ def optimise(
     Parameters
     ----------
     graph
-        At least one pose of every connected part must be fixed; see `PoseGraph.tied`.
+        At least one pose of every connected part must be fixed; see `PoseGraph.tied`. The only fixed one of a
+        part tells the frame: with damping it moves like all others, and is put back in place at the end.
     near
         Cost of the proximity edges; needed where there are some.
     loop_loss
@@ -249,6 +254,9 @@ def optimise(
             f"no pose of it is fixed, and no edge joins it to a fixed one ({len(loose)} such part(s))",
             "Fix a pose of it, leave it out, or take graph.tied()",
         )
+    whole = graph
+    if search == "levenberg_marquardt":
+        graph = _with_free_frames(whole)
     problem = _Problem(graph, near, loop_loss, loop_scale)
     pose = np.array(graph.pose, dtype=np.float64)
     first = problem.cost(pose)
@@ -256,10 +264,11 @@ def optimise(
         return Optimised(pose, first.printed, first.printed, 0, True, "nothing free")
     begin = first
     if start == "rotations_first":
-        pose = rotations_first(graph)
+        pose = rotations_first(whole)
         begin = problem.cost(pose)
     find = _search if search == "levenberg_marquardt" else _gauss_newton
     pose, last, taken, reason = find(problem, pose, begin, iterations, tolerance)
+    pose = _in_given_frames(whole, graph, pose)
     return Optimised(
         pose, first.printed, last.printed, taken, reason not in ("iterations", "singular"), reason
     )
@@ -287,6 +296,39 @@ def cost(
     return found.motion, found.near
 
 
+def _with_free_frames(graph: PoseGraph) -> PoseGraph:
+    """Return the graph without fixed poses in those parts in which only one is fixed, and others are not.
+
+    Such a pose tells the frame and nothing else: the cost is the same in every frame. Held while all others
+    move, it makes them swing about it, and steps along the tangent of far poses must be short.
+    """
+    number, part = graph.component()
+    fixed = np.asarray(graph.fixed, dtype=bool)
+    alone = (np.bincount(part, weights=fixed, minlength=number) == 1) & (np.bincount(part) > 1)
+    return replace(graph, fixed=fixed & ~alone[part])
+
+
+def _in_given_frames(graph: PoseGraph, freed: PoseGraph, pose: Array) -> Array:
+    """Return poses with each part turned and shifted so that the poses that were freed are back in place."""
+    back = np.flatnonzero(np.asarray(graph.fixed, dtype=bool) & ~np.asarray(freed.fixed, dtype=bool))
+    if not len(back):
+        return pose
+    number, part = graph.component()
+    anchor = np.full(number, -1)
+    anchor[part[back]] = back
+    of_pose = anchor[part]
+    moves = of_pose >= 0
+    on = of_pose[moves]
+    given = np.asarray(graph.pose, dtype=np.float64)
+    turn_rad = given[on, 2] - pose[on, 2]
+    found = pose.copy()
+    found[moves, :2] = rotated(pose[moves, :2] - pose[on, :2], turn_rad) + given[on, :2]
+    found[moves, 2] += turn_rad
+    # Without the rounding of a difference that is added again.
+    found[back] = given[back]
+    return found
+
+
 class _Value(NamedTuple):
     motion: float
     near: float
@@ -312,7 +354,7 @@ def _search(
             return pose, value, taken, "zero"
         if taken == iterations:
             return pose, value, taken, "iterations"
-        step, promised = problem.step(gradient, hessian, damping)
+        step, promised = problem.step(pose, gradient, hessian, damping)
         if promised <= tolerance * value.minimised:
             if damping <= _FIRST_DAMPING or relaxed:
                 return pose, value, taken, "cost"
@@ -346,7 +388,7 @@ def _gauss_newton(
     while taken < iterations:
         if value.minimised <= _NEGLIGIBLE_COST:
             return best, least, taken, "zero"
-        step, promised = problem.step(*problem.normal_equations(pose), 0.0)
+        step, promised = problem.step(pose, *problem.normal_equations(pose), 0.0)
         if not np.isfinite(promised):
             return best, least, taken, "singular"
         pose = problem.moved(pose, step)
@@ -428,7 +470,8 @@ class _Problem:
         diagonal += _summed(graph.motion_to, to_weighted @ by_to, self.poses)
         across = from_weighted @ by_to
         across = np.where(pattern.motion_swapped[:, None, None], np.swapaxes(across, -1, -2), across)
-        off_diagonal = _summed(pattern.motion_pair, across[pattern.motion_both], pattern.pairs)
+        joint = _summed(pattern.motion_pair, across[pattern.motion_both], pattern.motion_pairs)
+        shared = np.zeros((pattern.near_pairs, 3))
         if self.near is not None and len(graph.near_from):
             pull, curvature = self._near(pose, self.near)
             gradient[:, :2] += _summed(graph.near_to, pull, self.poses)
@@ -437,16 +480,16 @@ class _Problem:
                 graph.near_to, curvature, self.poses
             )
             diagonal[:, :2, :2] += own[:, _BLOCK]
-            shared = _summed(pattern.near_pair, curvature[pattern.near_both], pattern.pairs)
-            off_diagonal[:, :2, :2] -= shared[:, _BLOCK]
-        return gradient[self.free].ravel(), pattern.values(diagonal[self.free], off_diagonal)
+            shared = _summed(pattern.near_pair, curvature[pattern.near_both], pattern.near_pairs)
+        return gradient[self.free].ravel(), pattern.values(diagonal[self.free], joint, -shared[:, _BLOCK])
 
-    def step(self, gradient: Array, hessian: Array, damping: float) -> tuple[Array, float]:
+    def step(self, pose: Array, gradient: Array, hessian: Array, damping: float) -> tuple[Array, float]:
         """Return the step of all free poses, [free * 3], and the decrease of cost that the model promises."""
         pattern = self.pattern
         added = damping * self.scale
         try:
-            step = -pattern.solve(hessian, added + _RIDGE * hessian.max(initial=0.0), gradient)
+            ridge = _RIDGE * hessian.max(initial=0.0)
+            step = -pattern.solve(hessian, added + ridge, gradient, pose[self.free])
         except RuntimeError:  # exactly singular
             return np.zeros_like(gradient), np.inf
         if not np.isfinite(step).all():
@@ -512,9 +555,10 @@ class _Problem:
 
 
 class _Pattern:
-    """Where the values of the normal equations stand in a sparse matrix whose order gives little fill-in.
+    """Where the values of the normal equations stand in a sparse matrix.
 
-    Coordinates of a pose stay together, as 3 x 3 blocks: the order is found on the graph of poses, once.
+    Coordinates of a pose stay together, as 3 x 3 blocks: an order that gives little fill-in is found on the
+    graph of poses, once. Where its factor would fill up nevertheless, the poses keep their order.
     """
 
     def __init__(self, graph: PoseGraph, free: NDArray[np.intp]) -> None:
@@ -529,11 +573,17 @@ class _Pattern:
         self.motion_swapped = number[graph.motion_from] > number[graph.motion_to]
         ends = np.concatenate([motion[:, self.motion_both], near[:, self.near_both]], axis=1)
         key, pair = np.unique(ends[0] * count + ends[1], return_inverse=True)
-        split = int(self.motion_both.sum())
-        self.motion_pair, self.near_pair, self.pairs = pair[:split], pair[split:], len(key)
         first, second = np.divmod(key, count)
+        split = int(self.motion_both.sum())
+        stiff, self.motion_pair = np.unique(pair[:split], return_inverse=True)
+        soft, self.near_pair = np.unique(pair[split:], return_inverse=True)
+        self.motion_pairs, self.near_pairs = len(stiff), len(soft)
 
-        place = _little_fill(first, second, count)
+        place, fill = _little_fill(first, second, count)
+        # Nine values a block, three unknowns a pose.
+        heavy = 3 * fill > _HEAVY * count
+        if heavy:
+            place = np.arange(count)
         here, one, two = place, place[first], place[second]
         row = np.concatenate([here, two, one])
         column = np.concatenate([here, one, two])
@@ -547,83 +597,143 @@ class _Pattern:
         position = (
             base[:, None, None] + np.arange(3)[:, None] + (3 * blocks[column])[:, None, None] * np.arange(3)
         )
-        self._diagonal, self._lower, self._upper = np.split(position, [count, count + len(key)])
-        self._size = 9 * len(row)
-        self._row = np.empty(self._size, dtype=np.intc)
-        self._row[position] = 3 * row[:, None, None] + np.arange(3)[:, None]
-        self._start = np.concatenate([[0], np.cumsum(np.repeat(3 * blocks, 3))]).astype(np.intc)
+        diagonal, lower, upper = np.split(position, [count, count + len(key)])
+        # Proximity knows no headings: its blocks have two rows and two columns.
+        joint = np.stack([upper[stiff], np.swapaxes(lower[stiff], -1, -2)])
+        shared = np.stack([upper[soft], np.swapaxes(lower[soft], -1, -2)])[..., :2, :2]
+        there = np.zeros(9 * len(row), dtype=bool)
+        for part in (diagonal, joint, shared):
+            there[part] = True
+        before = np.concatenate([[0], np.cumsum(there)])
+        self._diagonal, self._joint, self._shared = (before[part] for part in (diagonal, joint, shared))
+        self._size = int(before[-1])
+        rows = np.empty(len(there), dtype=np.intc)
+        rows[position] = 3 * row[:, None, None] + np.arange(3)[:, None]
+        self._row = rows[there]
+        self._start = before[np.concatenate([[0], np.cumsum(np.repeat(3 * blocks, 3))])].astype(np.intc)
         self._unknown = (3 * place[:, None] + np.arange(3)).ravel()
-        self._factor: Any = None
         self._middle = np.diagonal(self._diagonal, axis1=-2, axis2=-1).ravel()
+        self._near_inverse: TwoLevel | None = None
+        # Iterations with the coarse problem when it was new; None = there is none, or it is of no more use.
+        self._needed: int | None = None
+        if heavy:
+            joined = np.zeros(count - 1, dtype=bool)
+            next_pose = self.motion_both & (motion[1] == motion[0] + 1)
+            joined[motion[0, next_pose]] = True
+            next_one = np.flatnonzero(second == first + 1)
+            below = np.where(there[lower[next_one]], before[lower[next_one]], -1)
+            self._near_inverse = TwoLevel(joined, _band(self._diagonal, first[next_one], below))
 
-    def values(self, diagonal: Array, off_diagonal: Array) -> Array:
-        """Return the values of the matrix from its blocks, [count, 3, 3] and [pairs, 3, 3]."""
-        values = np.empty(self._size)
+    def values(self, diagonal: Array, joint: Array, shared: Array) -> Array:
+        """Return the values of the matrix from its blocks.
+
+        Those of poses [count, 3, 3], of pairs that a motion joins [motion_pairs, 3, 3], and of pairs that are
+        near [near_pairs, 2, 2]. A pair's block has the rows of its first pose, its transpose stands across.
+        """
+        values = np.zeros(self._size)
         values[self._diagonal] = diagonal
-        # A pair's block has the rows of its first pose: it stands above, its transpose below, or the reverse.
-        values[self._upper] = off_diagonal
-        values[self._lower] = np.swapaxes(off_diagonal, -1, -2)
+        values[self._joint] = joint
+        values[self._shared] += shared
         return values
 
-    def solve(self, values: Array, added: Array, right: Array) -> Array:
+    def solve(self, values: Array, added: Array, right: Array, pose: Array) -> Array:
         """Solve the equations with ``added`` on the diagonal; a RuntimeError says that they are singular.
 
-        From one step to the next the matrix changes little. Conjugate gradients with the factor of an earlier
-        one come close enough within a few iterations, each much cheaper than a new factor; if not, a new
-        factor is made.
+        A factor that fills up is not made; conjugate gradients come close enough within a few iterations.
         """
         damped = values.copy()
         damped[self._middle] += added
         size = len(self._unknown)
-        matrix = csc_array((damped, self._row, self._start), shape=(size, size))
-        placed = np.empty(size)
-        placed[self._unknown] = right
-        if self._factor is not None:
-            found = _conjugate_gradients(matrix, placed, self._factor)
+        if self._near_inverse is not None:
+            matrix = csr_array((damped, self._row, self._start), shape=(size, size))
+            found = self._iterated(self._near_inverse, matrix, right, pose)
             if found is not None:
-                return np.asarray(found[self._unknown])
+                return found
         # The order is symmetric and the matrix positive definite: no pivoting, as in a Cholesky factor.
         options = {"SymmetricMode": True}
-        self._factor = None
-        factor = splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options)
-        if factor.nnz > _HEAVY * size:
-            self._factor = factor
+        order = "NATURAL" if self._near_inverse is None else "MMD_AT_PLUS_A"
+        placed = np.empty(size)
+        placed[self._unknown] = right
+        matrix = csc_array((damped, self._row, self._start), shape=(size, size))
+        factor = splu(matrix, permc_spec=order, diag_pivot_thresh=0.0, options=options)
         return np.asarray(factor.solve(placed)[self._unknown])
 
+    def _iterated(self, near_inverse: TwoLevel, matrix: Any, right: Array, pose: Array) -> Array | None:
+        """Solve by conjugate gradients; None where they do not come close.
 
-def _conjugate_gradients(matrix: Any, right: Array, factor: Any) -> Array | None:
-    """Return a solution whose error is within `_CLOSE`, or None where that takes too many iterations.
+        The coarse problem of an earlier matrix does as long as it needs few iterations more than when new.
+        """
+        try:
+            near_inverse.chain(matrix.data)
+            for _ in range(2):
+                when_new = self._needed
+                if when_new is None:
+                    near_inverse.coarse(matrix, pose)
+                found, needed = _conjugate_gradients(matrix, right, near_inverse)
+                if when_new is None:
+                    self._needed = needed
+                elif found is None or needed > when_new + _CG_MORE:
+                    self._needed = None
+                if found is not None:
+                    return found
+        except np.linalg.LinAlgError:  # not positive definite to rounding
+            pass
+        self._needed = None
+        return None
+
+
+def _band(diagonal: NDArray[Any], pose: NDArray[Any], below: NDArray[Any]) -> NDArray[Any]:
+    """Return where the entries (i + k, i) up to the block of the next pose stand, [6, 3 n]; -1 = nowhere.
+
+    From where the blocks of all poses stand, [n, 3, 3], and those below them of some, [p, 3, 3].
+    """
+    count = len(diagonal)
+    both = np.full((count, 6, 3), -1)
+    both[:, :3] = diagonal
+    both[pose, 3:] = below
+    column = np.arange(3)
+    band = np.full((6, count, 3), -1)
+    for lower in range(6):
+        inside = column + lower < 6
+        band[lower][:, inside] = both[:, (column + lower)[inside], column[inside]]
+    return band.reshape(6, 3 * count)
+
+
+def _conjugate_gradients(matrix: Any, right: Array, near_inverse: TwoLevel) -> tuple[Array | None, int]:
+    """Return a solution whose error is within `_CLOSE`, or None, and the iterations that it took.
 
     The error is measured as the curvature weighs it, so that soft directions count as much as stiff ones.
     """
     found, residual = np.zeros(len(right)), right
-    direction = preconditioned = factor.solve(residual)
+    direction = preconditioned = near_inverse.solve(residual)
     first = product = float(np.dot(residual, preconditioned))
-    for _ in range(_CG_ITERATIONS):
+    if first == 0.0:
+        return found, 0
+    for iteration in range(_CG_ITERATIONS):
         image = matrix @ direction
         curvature = float(np.dot(direction, image))
         if not (curvature > 0 and product > 0):
-            return None
+            break
         length = product / curvature
         found = found + length * direction
         residual = residual - length * image
-        preconditioned = factor.solve(residual)
+        preconditioned = near_inverse.solve(residual)
         previous, product = product, float(np.dot(residual, preconditioned))
         if abs(product) <= _CLOSE**2 * first:
-            return np.asarray(found)
+            return np.asarray(found), iteration + 1
         direction = preconditioned + product / previous * direction
-    return None
+    return None, _CG_ITERATIONS
 
 
-def _little_fill(first: NDArray[Any], second: NDArray[Any], count: int) -> NDArray[Any]:
-    """Return the place of each pose in an order of least degree, [count]."""
+def _little_fill(first: NDArray[Any], second: NDArray[Any], count: int) -> tuple[NDArray[Any], int]:
+    """Return the place of each pose in an order of least degree, [count], and the values of its factor."""
     here = np.arange(count)
     value = np.concatenate([np.full(count, 2.0 * len(first) + 1.0), np.full(2 * len(first), -1.0)])
     row, column = np.concatenate([here, first, second]), np.concatenate([here, second, first])
     matrix = csc_array((value, (row, column)), shape=(count, count))
     options = {"SymmetricMode": True}
     factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-    return np.asarray(factor.perm_c)
+    return np.asarray(factor.perm_c), int(factor.nnz)
 
 
 _BLOCK = np.array([[0, 1], [1, 2]])

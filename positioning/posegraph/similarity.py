@@ -17,6 +17,8 @@ NOT_HEARD_DBM: Final = -110.0
 
 Indices = NDArray[np.integer[Any]]
 
+_ROWS = 256
+
 
 def rss_distance_db(rss_dbm: ArrayLike, other_dbm: ArrayLike | None = None) -> Array:
     """Return the distance of all pairs of fingerprints in signal space.
@@ -51,23 +53,33 @@ def rss_distance_db(rss_dbm: ArrayLike, other_dbm: ArrayLike | None = None) -> A
             "Give both a column for every access point, in the same order",
         )
     count, other_count = first_heard.sum(axis=-1), second_heard.sum(axis=-1)
-    # In place: at thousands of fingerprints, each matrix of all pairs takes tens of megabytes.
-    union = first_heard @ np.swapaxes(second_heard, -1, -2)
-    np.subtract(other_count[..., None, :], union, out=union)
-    union += count[..., :, None]
-    distance = first @ np.swapaxes(second, -1, -2)
-    distance *= -2.0
-    distance += np.sum(first * first, axis=-1)[..., :, None]
-    distance += np.sum(second * second, axis=-1)[..., None, :]
-    np.maximum(distance, 0.0, out=distance)
-    np.maximum(union, 1.0, out=union)
-    distance /= union
-    np.sqrt(distance, out=distance)
+    squared, other_squared = np.sum(first * first, axis=-1), np.sum(second * second, axis=-1)
+    first_heard, second_heard = first_heard.astype(np.float32), second_heard.astype(np.float32)
+    leading = np.broadcast_shapes(first.shape[:-2], second.shape[:-2])
+    distance = np.empty((*leading, first.shape[-2], second.shape[-2]))
+    # Some rows at a time stay in the cache; at thousands of fingerprints all pairs take tens of megabytes.
+    for low in range(0, first.shape[-2], _ROWS):
+        some = slice(low, low + _ROWS)
+        # Counts are exact in single precision.
+        union = first_heard[..., some, :] @ np.swapaxes(second_heard, -1, -2)
+        np.subtract(other_count[..., None, :], union, out=union, casting="same_kind")
+        union += count[..., some, None]
+        np.maximum(union, 1.0, out=union)
+        part = distance[..., some, :]
+        np.matmul(first[..., some, :], np.swapaxes(second, -1, -2), out=part)
+        part *= -2.0
+        part += squared[..., some, None]
+        part += other_squared[..., None, :]
+        np.maximum(part, 0.0, out=part)
+        part /= union
+        np.sqrt(part, out=part)
     if other_dbm is None:
         index = np.arange(first.shape[-2])
         distance[..., index, index] = 0.0
-    np.copyto(distance, np.nan, where=(count == 0)[..., :, None] | (other_count == 0)[..., None, :])
-    return np.asarray(distance)
+    deaf, other_deaf = count == 0, other_count == 0
+    if deaf.any() or other_deaf.any():
+        np.copyto(distance, np.nan, where=deaf[..., :, None] | other_deaf[..., None, :])
+    return distance
 
 
 def window_threshold_db(distance_db: ArrayLike, walk_of_scan: ArrayLike, window: int) -> Array:
@@ -123,6 +135,7 @@ def near_pairs(
     position_m: ArrayLike | None = None,
     exclude_m: float = 0.0,
     decides: Literal["later", "either", "both"] = "later",
+    distance_db: Array | None = None,
 ) -> tuple[Indices, Indices]:
     """Return pairs of poses that hear nearly the same.
 
@@ -150,6 +163,8 @@ def near_pairs(
         Poses of one walk make a pair only if they are at least this far apart in place.
     decides
         Whose threshold a distance must be below: that of the later scan, as printed, of either, or of both.
+    distance_db
+        `rss_distance_db` of the poses that hear something, for callers that have it; None = computed.
 
     Returns
     -------
@@ -178,7 +193,13 @@ def near_pairs(
     if not len(scan):
         raise InputError("rss_dbm", "no pose hears an access point", "Give walks with WiFi scans")
     walk, time = walk[scan], time[scan]
-    distance = rss_distance_db(rss[scan])
+    distance = rss_distance_db(rss[scan]) if distance_db is None else distance_db
+    if distance.shape != (len(scan), len(scan)):
+        raise InputError(
+            "distance_db",
+            f"its shape is {distance.shape}, {len(scan)} poses hear something",
+            "Give the distances of these poses, or leave it out",
+        )
     if threshold == "median":
         limit = window_threshold_db(distance, walk, window)
     else:
