@@ -60,12 +60,8 @@ class ExpectedDeviation(FingerprintRegressor):
             )
         rss, position = self._training(rss_dbm, position_m)
         filled_dbm = fill_not_heard(rss, self.not_heard_dbm)
-        _, first, point = np.unique(position, axis=0, return_index=True, return_inverse=True)
-        # Points in the order in which the survey first names them.
-        rank = np.empty(len(first), dtype=np.intp)
-        rank[np.argsort(first)] = np.arange(len(first))
-        self.point_ = rank[point.reshape(-1)]
-        self.position_m_ = position[np.sort(first)]
+        self.point_, first = points_of(position)
+        self.position_m_ = position[first]
         count = np.bincount(self.point_)
         order = np.argsort(self.point_, kind="stable")
         # The number of each scan among those of its point.
@@ -127,6 +123,28 @@ class ExpectedDeviation(FingerprintRegressor):
             # Along memory, whatever the number of readings: a scan has one answer, alone or among others.
             part_db[block] = apart_db.sum(axis=-1)
         return part_db
+
+
+def points_of(position_m: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the point of each scan [n], and the first scan of each point; points as the survey names them.
+
+    See Frank et al., section 2: scans that were taken at one place are one calibration point.
+
+    Parameters
+    ----------
+    position_m
+        Where each scan was taken, [n, 2].
+    """
+    # As `numpy.unique` of rows, which compares them slowly; a stable order, so the first scan comes first.
+    order = np.lexsort(position_m.T[::-1])
+    changes = np.any(position_m[order[1:]] != position_m[order[:-1]], axis=1)
+    group = np.concatenate([[0], np.cumsum(changes)])
+    first = order[np.concatenate([[True], changes])]
+    rank = np.empty(len(first), dtype=np.intp)
+    rank[np.argsort(first)] = np.arange(len(first))
+    point = np.empty(len(order), dtype=np.intp)
+    point[order] = rank[group]
+    return point, np.sort(first)
 
 
 def _frequency(point: NDArray[np.intp], reading_dbm: Array) -> Array:

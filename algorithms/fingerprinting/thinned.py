@@ -4,10 +4,10 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import clone
 
-from algorithms.fingerprinting.expected_deviation import ExpectedDeviation
+from algorithms.fingerprinting.expected_deviation import ExpectedDeviation, points_of
 from positioning.errors import InputError, check_whole
+from positioning.estimator import clone
 from positioning.fingerprints import FingerprintRegressor
 from positioning.model import Array, Site, Survey
 
@@ -82,16 +82,14 @@ class Thinned(FingerprintRegressor):
             check_whole(name, value)
             if value < 1:
                 raise InputError(f"{name}={value}", "it is not above zero", "Give a whole number from 1 on")
-        _, first, place = np.unique(position_m, axis=0, return_index=True, return_inverse=True)
-        place = place.reshape(-1)
-        # Places by their first fingerprint, and fingerprints by their number at their place.
-        rank = np.argsort(np.argsort(first))
+        place, _ = points_of(position_m)
+        # The number of each fingerprint among those of its place.
         order = np.argsort(place, kind="stable")
+        count = np.bincount(place)
         number = np.empty(len(place), dtype=np.intp)
-        starts = np.searchsorted(place[order], np.arange(len(first)))
-        number[order] = np.arange(len(place)) - starts[place[order]]
+        number[order] = np.arange(len(place)) - np.repeat(np.cumsum(count) - count, count)
         few = np.ones(len(place), dtype=bool) if self.scans is None else number < self.scans
-        return np.asarray((rank[place] % self.every == 0) & few)
+        return np.asarray((place % self.every == 0) & few)
 
     def _regressor(self) -> Any:
         return ExpectedDeviation() if self.regressor is None else self.regressor

@@ -27,9 +27,13 @@ from positioning.inertial.foot import (
     imu_missing,
     misalignment_rad,
     steps,
+    straight_steps,
 )
 from positioning.model import Array, Calibration, Recording, Site, Survey, Track
 from positioning.steps import of_recording, to_extra
+
+# Readings of the first part in which straight steps are looked for: a minute of most units.
+_BEGINNING = 6000
 
 
 class FootInertial:
@@ -165,12 +169,15 @@ class FootInertial:
         fixes: Fixes | None = None,
         start: Start | None = None,
         heading_noise_rad_per_rt_s: float = 0.0,
+        readings: int | None = None,
     ) -> FootNavigation:
         """Run the inertial filter on a stack; see `positioning.inertial.foot.foot_navigation`.
 
+        It answers where steps and epochs ask, not at every reading.
+
         Parameters
         ----------
-        recording, site, rest, fixes, start
+        recording, site, rest, fixes, start, readings
             As there.
         heading_noise_rad_per_rt_s
             Added to that of the settings, as variances are.
@@ -184,7 +191,16 @@ class FootInertial:
         settings = self.settings()
         both = np.hypot(settings.heading_noise_rad_per_rt_s, heading_noise_rad_per_rt_s)
         settings = replace(settings, heading_noise_rad_per_rt_s=float(both))
-        return foot_navigation(recording, site, settings, rest=rest, fixes=fixes, start=start)
+        return foot_navigation(
+            recording,
+            site,
+            settings,
+            rest=rest,
+            fixes=fixes,
+            start=start,
+            every_reading=False,
+            readings=readings,
+        )
 
     def misalignment_rad(self, navigation: FootNavigation) -> Array:
         """Return the direction of the walk in the frame of the sensor, [r], with the offset; Psi_eps."""
@@ -195,6 +211,29 @@ class FootInertial:
             most_turn_rad=self.straight_most_rad,
         )
         return found_rad + self.misalignment_offset_rad
+
+    def beginning_rad(self, recording: Recording, site: Site, rest: ArrayLike) -> Array:
+        """Return `misalignment_rad` from as many readings as it takes: the first part of the navigation.
+
+        See Frank et al., section 3.3: Psi_eps is fixed initially.
+
+        Parameters
+        ----------
+        recording, site
+            Stacks.
+        rest
+            When the feet rest, [r, i].
+        """
+        samples = np.shape(recording.imu_time_s)[1]
+        readings = min(_BEGINNING, samples)
+        while True:
+            navigation = self.navigation(recording, site, rest=rest, readings=readings)
+            straight = straight_steps(
+                steps(navigation), least_step_m=self.straight_least_m, most_turn_rad=self.straight_most_rad
+            )
+            if readings == samples or (np.count_nonzero(straight, axis=1) >= self.straight_steps).all():
+                return self.misalignment_rad(navigation)
+            readings = min(4 * readings, samples)
 
     def steps(self, navigation: FootNavigation) -> Steps:
         """Return what the step sensor measures, in the frame of the pedestrian.

@@ -14,7 +14,7 @@ from algorithms.tracking.foot_cascaded_filter import (
 )
 from algorithms.tracking.foot_inertial import FootInertial, steps_so_far
 from positioning.filters.plane import LEAST_VARIANCE_M2, check_settings, check_stack, track_one
-from positioning.inertial.foot import Fixes, Start
+from positioning.inertial.foot import Fixes, Start, check_imu, rests
 from positioning.model import Array, Calibration, Recording, Site, Survey, Track
 
 # Of each coordinate before the first fix: so wide that this fix is the start.
@@ -137,8 +137,9 @@ class FootJointFilter:
             self._fingerprinting(), recording, survey, vote=self.best_of_three, sigma_m=self.sigma_wlan_m
         )
         inertial = FootInertial() if self.inertial is None else self.inertial
-        alone = inertial.navigation(recording, site)
-        misalignment_rad = inertial.misalignment_rad(alone)
+        check_imu(recording)
+        rest = rests(recording, inertial.settings())
+        misalignment_rad = inertial.beginning_rad(recording, site, rest)
         count, epochs = np.shape(recording.time_s)
         start = Start(
             position_m=fixes.centre_m,
@@ -150,7 +151,7 @@ class FootJointFilter:
         joined = inertial.navigation(
             recording,
             site,
-            rest=alone.rest,
+            rest=rest,
             fixes=Fixes(fixes.fix_m, each_m2),
             start=start,
             heading_noise_rad_per_rt_s=0.0 if inertial.states == 15 else self.heading_noise_rad_per_rt_s,

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from positioning.errors import InputError
+from positioning.inertial.merged import MOMENTS, Merged, noise_of_moments
 from positioning.inertial.strapdown import GRAVITY_M_PER_S2, cross_matrix, mean_rotation, rotation
 from positioning.model import Array
 
@@ -206,6 +207,13 @@ class ErrorStateFilter:
         self._density[8] += noise.heading_rad_per_rt_s**2
         self._transition = np.tile(np.eye(self.states), (worlds, 1, 1))
         self._position_by_velocity = np.einsum("wii->wi", self._transition[:, POSITION, VELOCITY])
+        self._by_attitude = self._transition[:, :6, ATTITUDE].reshape(worlds, 2, 3, 3)
+        self._way_and_advance = np.empty((3, 2, worlds))
+        self._of_moments = noise_of_moments(
+            noise.force_m_per_s2_per_rt_hz**2,
+            noise.rate_rad_per_s_per_rt_hz**2,
+            noise.heading_rad_per_rt_s**2,
+        )
         self._diagonal = np.einsum("wii->wi", self.covariance)
         self._square = np.empty_like(self.covariance)
         self._matrix, self._matrix_too, self._turned = (np.empty((3, 4, worlds)) for _ in range(3))
@@ -213,9 +221,13 @@ class ErrorStateFilter:
         self._state, self._half_step = np.empty((self.states, worlds)), np.empty(worlds)
 
     def predict(
-        self, turn_and_advance: Array, duration_s: Array, mean_rotation_s: Array | None = None
+        self,
+        turn_and_advance: Array,
+        duration_s: Array,
+        mean_rotation_s: Array | None = None,
+        merged: Merged | None = None,
     ) -> None:
-        """Move navigation and covariance over one sample.
+        """Move navigation and covariance over one sample, or over several that are merged.
 
         The noise of a sample enters at its end.
 
@@ -223,6 +235,8 @@ class ErrorStateFilter:
         ----------
         turn_and_advance, duration_s, mean_rotation_s
             One sample of `Increments`: [3, 4, w], [w] and [3, 3, w].
+        merged
+            What more there is to know of worlds for which they are sums over several samples; 9 states only.
         """
         turned, matrix, other = self._turned, self._matrix, self._matrix_too
         attitude, velocity, position = self.attitude, self.velocity_m_per_s, self.position_m
@@ -232,35 +246,52 @@ class ErrorStateFilter:
         np.multiply(attitude[:, 2, None], turn_and_advance[2], out=other)
         turned += matrix
         turned += other
-        advance, mean = turned[:, 3], None
+        both, mean = self._way_and_advance, None
+        way, advance = both[:, 0], both[:, 1]
+        advance[...] = turned[:, 3]
         if mean_rotation_s is not None:
             mean = _product(attitude, mean_rotation_s)
             biased = np.sum(mean[:, None] * self.bias.reshape(2, 3, -1), axis=2)
             advance -= biased[:, 0]
             turned[:, :3] -= _crossed(biased[:, 1], turned[:, :3])
+        np.multiply(advance, half, out=way)
+        noise: Array | float = 0.0
+        if merged is not None:
+            before = attitude[..., merged.world]
+            way[:, merged.world] = np.sum(before * merged.way_m, axis=1)
+            noise = self._merged_noise(before, merged.moments)
         attitude[...] = turned[:, :3]
-        moved = matrix[:, 0]
-        np.multiply(velocity, half, out=moved)
+        moved = np.multiply(velocity, duration_s, out=matrix[:, 0])
+        moved += way
         position += moved
         velocity += advance
-        velocity[2] -= self.gravity_m_per_s2 * duration_s
-        np.multiply(velocity, half, out=moved)
-        position += moved
+        fallen = self.gravity_m_per_s2 * duration_s
+        velocity[2] -= fallen
+        fallen *= half
+        position[2] -= fallen
 
-        change, half_too = self._transition, half[:, None, None]
+        change = self._transition
         # Sums of one product and two zeros: exact in any order.
-        block = (advance.T @ _MINUS_CROSS).reshape(-1, 3, 3)
-        change[:, VELOCITY, ATTITUDE] = block
-        block *= half_too
-        change[:, POSITION, ATTITUDE] = block
+        self._by_attitude[...] = (both.transpose(2, 1, 0) @ _MINUS_CROSS).reshape(-1, 2, 3, 3)
         self._position_by_velocity[...] = duration_s[:, None]
         if mean is not None:
             block = np.negative(mean.transpose(2, 0, 1))
             change[:, VELOCITY, FORCE_BIAS] = change[:, ATTITUDE, RATE_BIAS] = block
-            np.multiply(block, half_too, out=change[:, POSITION, FORCE_BIAS])
+            np.multiply(block, half[:, None, None], out=change[:, POSITION, FORCE_BIAS])
         np.matmul(change, self.covariance, out=self._square)
         np.matmul(self._square, change.swapaxes(1, 2), out=self.covariance)
         self._diagonal += self._density * duration_s[:, None]
+        if merged is not None:
+            self.covariance[merged.world] += noise
+
+    def _merged_noise(self, attitude: Array, moments: Array) -> Array:
+        """Return what the noise of merged samples adds to covariances [k, 9, 9]."""
+        into = np.zeros((attitude.shape[-1], MOMENTS, MOMENTS))
+        into[:, :3, :3] = into[:, 3:6, 3:6] = attitude.transpose(2, 0, 1)
+        into[:, 6, 6] = into[:, 7, 7] = 1.0
+        turned = into @ moments @ into.swapaxes(1, 2)
+        # Not as one product of matrices, whose rounding would hang on how many worlds there are.
+        return np.asarray((turned.reshape(-1, 1, MOMENTS * MOMENTS) @ self._of_moments).reshape(-1, 9, 9))
 
     def update(self, gain_row: Array, innovation: Array, variance: Array, used: Array) -> None:
         """Take in one number a world; it counts in `error` at once, and in the navigation at `correct`.

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from positioning.errors import InputError
-from positioning.inertial.error_state import STATES, ErrorStateFilter, ProcessNoise, increments
+from positioning.inertial.error_state import STATES, ErrorStateFilter, Increments, ProcessNoise, increments
+from positioning.inertial.merged import Merged, merge
 from positioning.inertial.rest import DETECTORS, Flags, detect, spans
 from positioning.inertial.strapdown import GRAVITY_M_PER_S2, attitude_of, levelled
 from positioning.model import Array, Recording, Site
@@ -44,8 +45,11 @@ gravity alone."""
 LEAST_LEFT_AT_REST = 0.1
 """Gravity is a larger share of the greatest readings of a walk, or a run; assumed."""
 
-# Samples between two looks at the rounding, and the size of the blocks that are prepared at a time.
-_BLOCK = 256
+# Stops of the filter of which readings are prepared at a time, and between two looks at the rounding.
+_BLOCK = 512
+_TIDY = 256
+# So many samples are taken as one at most: what is prepared at a time stays small.
+_MOST_MERGED = 256
 # The end of a rest, where the heel may already lift, does not count for the bias of the gyroscope.
 _COUNTED_SHARE_OF_REST = 0.8
 
@@ -235,24 +239,25 @@ class FootState(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class FootNavigation:
-    """Where a foot was, at the end of each reading's interval and after its updates.
+    """Where a foot was, at the end of intervals of n readings and after their updates.
 
-    Before the alignment ends everything stays as at the start; after the end of a recording all is NaN.
+    They are all i readings, unless `foot_navigation` leaves some out. Before the alignment ends everything
+    stays as at the start; after the end of a recording all is NaN.
 
     Attributes
     ----------
     time_s
-        [r, i].
+        [r, n].
     position_m
-        [r, i, 3].
+        [r, n, 3].
     heading_rad
-        Of the forward axis of the sensor, [r, i], from -pi to pi.
+        Of the forward axis of the sensor, [r, n], from -pi to pi.
     rest
-        Whether the foot rests, [r, i].
+        Whether the foot rests, [r, n].
     position_covariance_m2
-        In the plane, [r, i, 2, 2].
+        In the plane, [r, n, 2, 2].
     heading_variance_rad2
-        [r, i].
+        [r, n].
     start
         What the navigation starts from, each [r, ...].
     """
@@ -266,7 +271,7 @@ class FootNavigation:
     start: FootState
 
     def at(self, time_s: ArrayLike) -> FootState:
-        """Return the state at given times: that of the last reading until then, or of the start.
+        """Return the state at given times: that of the last reading here until then, or of the start.
 
         Parameters
         ----------
@@ -448,6 +453,8 @@ def foot_navigation(
     rest: ArrayLike | None = None,
     fixes: Fixes | None = None,
     start: Start | None = None,
+    every_reading: bool = True,
+    readings: int | None = None,
 ) -> FootNavigation:
     """Navigate the feet of a stack of recordings.
 
@@ -469,6 +476,12 @@ def foot_navigation(
         At the epochs ``recording.time_s`` [r, n], if any.
     start
         Where the feet stand at the start, as far as known.
+    every_reading
+        Whether the answer is wanted at every reading. Without, it is left out where neither the filter has
+        something to take in nor a rest begins or ends nor an epoch asks. With 9 states the readings in
+        between are then taken together, in a fraction of the time, for the same answer.
+    readings
+        Navigate the first so many readings only, at least 1; the answer ends there. None for all.
 
     Raises
     ------
@@ -489,9 +502,23 @@ def foot_navigation(
     engine, first = _engine(aligned, settings, start or Start(), len(time_s))
     used, field_ut = _magnetic_updates(recording, flags, settings, north_rad, aligned)
     at_rest = flags & (np.arange(time_s.shape[1]) >= aligned.end[:, None]) & settings.zero_velocity
-    planned = _plan(recording, fixes, time_s)
+    found = _planned_fixes(recording, fixes, time_s)
+    stops = flags.copy()
+    stops[:, 1:] &= at_rest[:, 1:] | ~flags[:, :-1]
+    # The reading behind a rest says that it has ended.
+    stops[:, 1:] |= flags[:, :-1] & ~flags[:, 1:]
+    stops |= used
+    if every_reading or settings.states != 9:
+        stops[...] = True
+    for row, epoch_s in enumerate(np.asarray(recording.time_s, dtype=np.float64)):
+        until = np.searchsorted(time_s[row, : length[row]], epoch_s[~np.isnan(epoch_s)], side="right") - 1
+        stops[row, until[until >= 0]] = True
+    stops[found.world, found.sample] = True
+    end = length if readings is None else np.minimum(length, readings)
+    stops &= np.arange(time_s.shape[1]) < end[:, None]
+    stops[:, 0], stops[np.arange(len(end)), end - 1] = True, True
     return _run(
-        recording, engine, first, aligned, settings, flags, at_rest, used, field_ut, north_rad, planned
+        recording, engine, first, aligned, settings, flags, at_rest, used, field_ut, north_rad, found, stops
     )
 
 
@@ -549,9 +576,7 @@ def misalignment_rad(
     Array
         [r]; zero where there is no such step.
     """
-    with np.errstate(invalid="ignore"):
-        straight = np.hypot(made.forward_m, made.left_m) >= least_step_m
-        straight &= np.abs(made.turn_rad) <= most_turn_rad
+    straight = straight_steps(made, least_step_m=least_step_m, most_turn_rad=most_turn_rad)
     straight &= np.cumsum(straight, axis=-1) <= count
     left, forward = (
         np.cumsum(np.where(straight, part, 0.0), axis=-1)[..., -1]
@@ -560,6 +585,17 @@ def misalignment_rad(
         for part in (made.left_m, made.forward_m)
     )
     return np.asarray(np.arctan2(left, forward))
+
+
+def straight_steps(made: Steps, *, least_step_m: float, most_turn_rad: float) -> NDArray[np.bool_]:
+    """Return which steps are neither short nor part of a turn, [r, s], as in `misalignment_rad`.
+
+    See Frank et al., section 3.3.
+    """
+    with np.errstate(invalid="ignore"):
+        return np.asarray(
+            (np.hypot(made.forward_m, made.left_m) >= least_step_m) & (np.abs(made.turn_rad) <= most_turn_rad)
+        )
 
 
 def aligned(made: Steps, misalignment: ArrayLike) -> Steps:
@@ -722,13 +758,20 @@ def _magnetic_updates(
     return due & fits & np.isfinite(north_rad)[:, None], field_ut
 
 
-def _plan(
-    recording: Recording, fixes: Fixes | None, time_s: Array
-) -> dict[int, list[tuple[NDArray[np.intp], Array, Array]]]:
-    """Return by sample which worlds have a fix after it, their fixes, and the roots of their precisions."""
-    planned: dict[int, list[tuple[NDArray[np.intp], Array, Array]]] = {}
+class _PlannedFixes(NamedTuple):
+    """Fixes in the order of worlds, then time: each [k, ...], with the roots of their precisions."""
+
+    world: NDArray[np.intp]
+    sample: NDArray[np.intp]
+    place_m: Array
+    root: Array
+
+
+def _planned_fixes(recording: Recording, fixes: Fixes | None, time_s: Array) -> _PlannedFixes:
+    """Return the fixes, with the sample after which each counts."""
     if fixes is None:
-        return planned
+        none = np.zeros(0, dtype=np.intp)
+        return _PlannedFixes(none, none, np.zeros((0, 2)), np.zeros((0, 2, 2)))
     epoch_s = np.asarray(recording.time_s, dtype=np.float64)
     place, spread = np.asarray(fixes.position_m, np.float64), np.asarray(fixes.covariance_m2, np.float64)
     if place.shape != (*epoch_s.shape, 2) or spread.shape != (*epoch_s.shape, 2, 2):
@@ -751,19 +794,29 @@ def _plan(
     for row in np.unique(rows):
         own, mine = time_s[row, ~np.isnan(time_s[row])], rows == row
         samples[mine] = np.searchsorted(own, epoch_s[row, epochs[mine]], side="right") - 1
-    samples = np.maximum(samples, 0)
-    # A world has one fix a pass; where two fall into one sample, there is a second pass.
+    return _PlannedFixes(rows, np.maximum(samples, 0), place[there], root)
+
+
+def _by_stop(found: _PlannedFixes, stops: Flags) -> dict[int, list[tuple[NDArray[np.intp], Array, Array]]]:
+    """Return by number of the stop which worlds have a fix there, their fixes, and the roots.
+
+    A world has one fix a pass; where two fall into one sample, there is a second pass.
+    """
     taken: dict[int, list[list[int]]] = {}
-    for number, (row, sample) in enumerate(zip(rows.tolist(), samples.tolist(), strict=True)):
-        passes = taken.setdefault(sample, [])
-        free = next((one for one in passes if row not in rows[one]), None)
+    number = np.where(stops, np.cumsum(stops, axis=1) - 1, -1)[found.world, found.sample]
+    for fix, (row, stop) in enumerate(zip(found.world.tolist(), number.tolist(), strict=True)):
+        if stop < 0:
+            continue
+        passes = taken.setdefault(stop, [])
+        free = next((one for one in passes if row not in found.world[one]), None)
         if free is None:
-            passes.append([number])
+            passes.append([fix])
         else:
-            free.append(number)
-    for sample, passes in taken.items():
-        planned[sample] = [(rows[one], place[rows[one], epochs[one]], root[one]) for one in passes]
-    return planned
+            free.append(fix)
+    return {
+        stop: [(found.world[one], found.place_m[one], found.root[one]) for one in passes]
+        for stop, passes in taken.items()
+    }
 
 
 def _run(
@@ -777,45 +830,59 @@ def _run(
     magnetic: Flags,
     field_ut: Array | None,
     north_rad: Array | None,
-    planned: Mapping[int, list[tuple[NDArray[np.intp], Array, Array]]],
+    found: _PlannedFixes,
+    stops: Flags,
 ) -> FootNavigation:
-    """Run the filter over all samples, worlds in lock-step."""
+    """Run the filter from stop to stop, worlds in lock-step: the n-th stop of each at once.
+
+    Between two stops nothing is measured, and their number differs less between worlds than their times.
+    """
     time_s = np.asarray(recording.imu_time_s, dtype=np.float64)
     assert recording.specific_force_m_per_s2 is not None
     assert recording.angular_rate_rad_per_s is not None
     worlds, samples = time_s.shape
     duration_s = np.diff(time_s, axis=1, prepend=time_s[:, :1])
-    # Nothing moves before the end of the alignment and after that of the recording.
-    held: Flags = np.isnan(duration_s)
-    held |= np.arange(samples) < aligned_.end[:, None]
-    duration_s = np.where(held, 0.0, duration_s)
+    # Nothing moves before the end of the alignment.
+    duration_s = np.where(np.arange(samples) < aligned_.end[:, None], 0.0, duration_s)
     north = np.zeros(worlds) if north_rad is None else np.where(np.isfinite(north_rad), north_rad, 0.0)
-    position_m, heading = np.empty((worlds, samples, 3)), np.empty((worlds, samples))
-    covariance, variance = np.empty((worlds, samples, 2, 2)), np.empty((worlds, samples))
+    force = np.asarray(recording.specific_force_m_per_s2)
+    rate = np.asarray(recording.angular_rate_rad_per_s)
+    stop, before = _stops(stops)
+    planned = _by_stop(found, stops)
+    told = len(stop)
+    position_m, heading = np.empty((worlds, told, 3)), np.empty((worlds, told))
+    covariance, variance = np.empty((worlds, told, 2, 2)), np.empty((worlds, told))
     kept = np.empty((_BLOCK, 9, worlds))
     forward = engine.attitude[:2, 0]
     corner = engine.covariance.transpose(1, 2, 0)[:2, :2]
-    for begin in range(0, samples, _BLOCK):
-        end = min(begin + _BLOCK, samples)
-        block = slice(begin, end)
-        force, rate = (
-            np.where(held[:, block, None], 0.0, values[:, block]).swapaxes(0, 1)
-            for values in (recording.specific_force_m_per_s2, recording.angular_rate_rad_per_s)
+    everyone = np.arange(worlds)
+    for begin in range(0, len(stop), _BLOCK):
+        end = min(begin + _BLOCK, len(stop))
+        here = stop[begin:end]
+        # A world that has no stop left stays as it is.
+        count = stop[begin:end] - before[begin:end]
+        lasts_s = np.where(count > 0, duration_s[everyone, here], 0.0)
+        made = increments(
+            force[everyone, here],
+            rate[everyone, here] - aligned_.rate_bias_rad_per_s,
+            lasts_s,
+            biases=settings.states == 15,
         )
-        rate = np.where(held[:, block].T[..., None], 0.0, rate - aligned_.rate_bias_rad_per_s)
-        made = increments(force, rate, duration_s[:, block].T, biases=settings.states == 15)
-        resting = at_rest[:, block].T.astype(np.float64)
-        someone = np.logical_or.reduce(at_rest[:, block], axis=0).tolist()
-        using = magnetic[:, block].T.astype(np.float64)
-        someone_uses = np.logical_or.reduce(magnetic[:, block], axis=0).tolist()
+        merged = _merged(made, count, before[begin:end], force, rate, duration_s, aligned_)
+        rests_here = at_rest[everyone, here] & (count > 0)
+        uses_here = magnetic[everyone, here] & (count > 0)
+        someone, someone_uses = (
+            np.logical_or.reduce(flag, axis=1).tolist() for flag in (rests_here, uses_here)
+        )
+        resting, using = rests_here.astype(np.float64), uses_here.astype(np.float64)
         if field_ut is not None:
-            seen = np.moveaxis(np.where(magnetic[:, block, None], field_ut[:, block], 0.0), 0, -1).astype(
-                np.float64
-            )
-        engine.tidy()
+            field = np.where(uses_here[..., None], field_ut[everyone, here], 0.0).astype(np.float64)
+            seen = np.ascontiguousarray(field.swapaxes(1, 2))
         for step in range(end - begin):
+            if step % _TIDY == 0:
+                engine.tidy()
             mean = None if made.mean_rotation_s is None else made.mean_rotation_s[step]
-            engine.predict(made.turn_and_advance[step], made.duration_s[step], mean)
+            engine.predict(made.turn_and_advance[step], made.duration_s[step], mean, merged.get(step))
             corrected = False
             if someone[step]:
                 engine.zero_velocity(resting[step], settings.zero_velocity_noise_m_per_s**2)
@@ -836,24 +903,90 @@ def _run(
             row[5:7] = corner[0]
             row[7] = corner[1, 1]
             row[8] = engine.covariance[:, 8, 8]
-        done = np.moveaxis(kept[: end - begin], -1, 0)
+        done, block = np.moveaxis(kept[: end - begin], -1, 0), slice(begin, end)
         position_m[:, block] = done[..., :3]
         heading[:, block] = np.arctan2(done[..., 4], done[..., 3])
         covariance[:, block, 0, 0], covariance[:, block, 1, 1] = done[..., 5], done[..., 7]
         covariance[:, block, 0, 1] = covariance[:, block, 1, 0] = done[..., 6]
         variance[:, block] = done[..., 8]
-    ended = np.isnan(time_s)
+    ended = (stop == before).T
     for values in (position_m, heading, covariance, variance):
         values[ended] = np.nan
     return FootNavigation(
-        time_s=time_s,
+        time_s=np.where(ended, np.nan, time_s[everyone[:, None], stop.T]),
         position_m=position_m,
         heading_rad=heading,
-        rest=flags,
+        rest=flags[everyone[:, None], stop.T] & ~ended,
         position_covariance_m2=covariance,
         heading_variance_rad2=variance,
         start=first,
     )
+
+
+def _stops(stops: Flags) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the samples at which each world stops, and those of the stops before, each [n, w].
+
+    Where a world has no stop left, both are the same; before the first stop there is sample -1. Adds stops
+    that have no other use than that no more than the most samples are merged.
+    """
+    each = []
+    for row in stops:
+        own = np.flatnonzero(row)
+        for gap in np.flatnonzero(np.diff(own) > _MOST_MERGED):
+            row[own[gap] : own[gap + 1] : _MOST_MERGED] = True
+        each.append(np.flatnonzero(row))
+    longest = max(len(own) for own in each)
+    stop = np.stack([np.pad(own, (0, longest - len(own)), mode="edge") for own in each], axis=1)
+    return stop, np.concatenate([np.full((1, len(each)), -1), stop[:-1]])
+
+
+def _merged(
+    made: Increments,
+    count: NDArray[np.intp],
+    before: NDArray[np.intp],
+    force: Array,
+    rate: Array,
+    duration_s: Array,
+    aligned_: _Alignment,
+) -> dict[int, Merged]:
+    """Put the sums of runs of several samples into increments; return by step what more there is to know.
+
+    Parameters
+    ----------
+    made
+        Of the last sample until each stop, [n, w].
+    count, before
+        Samples until each stop, and the last one before them, [n, w].
+    force, rate, duration_s
+        Of all samples, [w, i, ...].
+    aligned_
+        Has the bias of the rates.
+    """
+    place, world = np.nonzero(count > 1)
+    if not len(place):
+        return {}
+    order = np.argsort(-count[place, world], kind="stable")
+    place, world = place[order], world[order]
+    length = count[place, world]
+    # The first sample of each run, then the second of each that has one, and so on.
+    inside, run = np.nonzero(np.arange(length[0])[:, None] < length)
+    own_world = world[run]
+    sample = (before[place, world] + 1)[run] + inside
+    sums = merge(
+        force[own_world, sample],
+        rate[own_world, sample] - aligned_.rate_bias_rad_per_s[own_world],
+        duration_s[own_world, sample],
+        length,
+    )
+    made.turn_and_advance[place, :, :3, world] = sums.rotation
+    made.turn_and_advance[place, :, 3, world] = sums.advance_m_per_s
+    made.duration_s[place, world] = sums.duration_s
+    by_step = np.argsort(place, kind="stable")
+    steps, starts = np.unique(place[by_step], return_index=True)
+    return {
+        int(step): Merged(world[own], sums.way_m[own].T, sums.moments[own])
+        for step, own in zip(steps, np.split(by_step, starts[1:]), strict=True)
+    }
 
 
 def _fix(engine: ErrorStateFilter, rows: NDArray[np.intp], fix_m: Array, root: Array) -> None:
