@@ -26,6 +26,8 @@ rule all:
     input:
         [file for study in STUDIES for file in study_outputs(study)],
         f"{REPORTS}/index.html",
+        f"{REPORTS}/comparison.html",
+        f"{REPORTS}/reposition.pdf",
         f"{RESULTS}/accepted.txt",
     message:
         f"all is there: {REPORTS}/index.html"

@@ -28,6 +28,7 @@ from typing import Any
 
 from positioning.errors import InputError
 from positioning.files import read_yaml, replacing, write_text
+from positioning.presentation.tones import GROUPS
 
 LEDGER = Path("tests/golden/claims.csv")
 PAPERS = Path("data/papers")
@@ -37,14 +38,6 @@ PAGES = Path("docs/reproduction")
 PICTURE = Path("results/figures/fingerprint_loo/table1.svg")
 SHOWN = Path("docs/images/table1.svg")
 
-GROUPS = {
-    "agrees": ("exact", "reproduced", "holds"),
-    "depends on the world": ("depends", "undecided"),
-    "differs": ("not reproduced", "fails"),
-    "contradicts itself": ("contradicts itself",),
-    "not judged": ("calibrated", "none given", "not testable"),
-}
-"""Verdicts by what they come to; each verdict stands once."""
 DIFFERS = (*GROUPS["differs"], *GROUPS["contradicts itself"], "undecided")
 """Verdicts of claims that a page must explain."""
 NOTHING = "\N{EN DASH}"

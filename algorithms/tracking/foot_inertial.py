@@ -224,7 +224,7 @@ class FootInertial:
         rest
             When the feet rest, [r, i].
         """
-        samples = np.shape(recording.imu_time_s)[1]
+        samples = np.shape(rest)[1]
         readings = min(_BEGINNING, samples)
         while True:
             navigation = self.navigation(recording, site, rest=rest, readings=readings)

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
@@ -23,8 +22,10 @@ from positioning.evaluation.comparison import (
 )
 from positioning.files import read_json
 from positioning.presentation import figures, tables
+from positioning.presentation.environment import environment
 from positioning.presentation.figures import Drawn
-from positioning.presentation.style import GREY, PALETTES, Stroke, drawing, stroke
+from positioning.presentation.style import GREY, Stroke, drawing, stroke
+from positioning.presentation.svg import inline_svg
 
 SINGLE_PANELS = 4
 """Studies of more data sets than this have one panel, with geometric means over them."""
@@ -66,28 +67,25 @@ def page(
     quick
         Whether they are those of a quick build.
     """
-    environment = Environment(
-        loader=PackageLoader("positioning.presentation"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.globals["palettes"] = PALETTES
-    environment.globals["nothing"] = tables.NOTHING
     pictures = _pictures(Path(folder))
-    return environment.get_template("comparison.html").render(
-        title="Comparison of all algorithms",
-        tasks=[_task(task, pictures) for task in compared],
-        new=sorted({str(row) for task in compared for row in task.lines.loc[task.lines["new"], "algorithm"]}),
-        data_sets=len({key for task in compared for key in _data_sets(task.lines)}),
-        rows=sum(int(_competing(task.lines)["algorithm"].nunique()) for task in compared),
-        manifest={key: value for key, value in manifest.items() if not isinstance(value, Mapping)},
-        versions=manifest.get("packages", {}),
-        seconds=sum(_numbers(manifest.get("seconds_by_rule", {}))),
-        least={"algorithms": LEAST_ALGORITHMS, "data_sets": LEAST_DATA_SETS},
-        quick=quick,
+    return (
+        environment()
+        .get_template("comparison.html")
+        .render(
+            title="Comparison of all algorithms",
+            here="comparison",
+            tasks=[_task(task, pictures) for task in compared],
+            new=sorted(
+                {str(row) for task in compared for row in task.lines.loc[task.lines["new"], "algorithm"]}
+            ),
+            data_sets=len({key for task in compared for key in _data_sets(task.lines)}),
+            rows=sum(int(_competing(task.lines)["algorithm"].nunique()) for task in compared),
+            manifest={key: value for key, value in manifest.items() if not isinstance(value, Mapping)},
+            versions=manifest.get("packages", {}),
+            seconds=sum(_numbers(manifest.get("seconds_by_rule", {}))),
+            least={"algorithms": LEAST_ALGORITHMS, "data_sets": LEAST_DATA_SETS},
+            quick=quick,
+        )
     )
 
 
@@ -154,7 +152,7 @@ def _pictures(folder: Path) -> dict[str, dict[str, Any]]:
     found = {}
     for item in read_json(folder / "captions.json"):
         text = (folder / f"{item['name']}.svg").read_text(encoding="utf-8")
-        svg = Markup(figures.inline_svg(text, item["name"], item["alt"]))
+        svg = Markup(inline_svg(text, item["name"], item["alt"]))
         found[item["name"]] = {**item, "svg": svg}
     return found
 

@@ -1,8 +1,8 @@
 """Figures of a study: a study's own set where it has one, otherwise the same two kinds for every study."""
 
+import io
 import json
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -20,8 +20,10 @@ from positioning.evaluation.measures import paired, published_numbers
 from positioning.evaluation.results import StudyResults
 from positioning.evaluation.statistics import Interval, single_experiment_interval
 from positioning.files import write_text
-from positioning.presentation.style import GREY, WIDTH_IN, drawing, is_control, stroke
+from positioning.presentation.style import GREY, WIDTH_IN, drawing, stroke
+from positioning.presentation.svg import compact
 from positioning.presentation.tables import central
+from positioning.presentation.tones import is_control
 
 PERCENTILES = {"p50_m": 50, "p75_m": 75, "p90_m": 90, "p95_m": 95}
 _LEVELS = np.linspace(0, 100, 201)
@@ -72,6 +74,7 @@ def save(drawn: Iterable[Drawn], folder: str | Path) -> None:
     """Write every figure as SVG and PDF, and ``captions.json`` in the order given.
 
     Equal figures give equal bytes: no dates, and names inside the SVG that depend on content alone.
+    The SVG is `compact`, because pages hold it.
 
     Parameters
     ----------
@@ -83,7 +86,9 @@ def save(drawn: Iterable[Drawn], folder: str | Path) -> None:
     captions = []
     with drawing():
         for item in drawn:
-            item.figure.savefig(Path(folder) / f"{item.name}.svg", metadata={"Date": None, "Creator": None})
+            text = io.StringIO()
+            item.figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+            write_text(Path(folder) / f"{item.name}.svg", compact(text.getvalue()))
             # Both files have the one layout; it is not sought again.
             item.figure.set_layout_engine("none")
             item.figure.savefig(Path(folder) / f"{item.name}.pdf", metadata={"CreationDate": None})
@@ -502,35 +507,3 @@ def difference_panel(axes: Axes, frame: pd.DataFrame, reference: str) -> None:
     highs = dict(zip(means, frame["high_m"].fillna(frame["difference_m"]).astype(float), strict=True))
     keep_in_reach(axes, means, highs)
     axes.set_xlabel(f"mean error minus that of {reference} (m)\nleft of the line: better than {reference}")
-
-
-def inline_svg(text: str, name: str, alt: str) -> str:
-    """Return an SVG file's drawing as it may stand inside a page.
-
-    Declarations and metadata go, because a page needs none; names inside it get the figure's name in
-    front, because all figures of a page share one space of names.
-
-    Parameters
-    ----------
-    text
-        The file.
-    name
-        The figure.
-    alt
-        What is said to those who cannot see it.
-    """
-    body = text[text.index("<svg") :]
-    body = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", body, flags=re.DOTALL)
-    head, rest = body.split(">", 1)
-    head = re.sub(r"\s(xmlns(:\w+)?|width|height|version)=\"[^\"]*\"", "", head)
-    rest = rest.replace("xlink:href=", "href=")
-    rest = re.sub(r"\bid=\"([^\"]+)\"", rf'id="{name}-\1"', rest)
-    rest = re.sub(r"href=\"#([^\"]+)\"", rf'href="#{name}-\1"', rest)
-    rest = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", rest)
-    rest = re.sub(r"\n\s*", "\n", rest)
-    return f'{head} role="img" aria-label="{_attribute(alt)}">{rest.strip()}'
-
-
-def _attribute(text: str) -> str:
-    marks: Mapping[str, str] = {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"}
-    return "".join(marks.get(letter, letter) for letter in text)

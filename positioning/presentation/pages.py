@@ -7,23 +7,22 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from positioning.errors import InputError
-from positioning.evaluation.claims import VERDICTS
 from positioning.files import read_json
 from positioning.presentation import tables
-from positioning.presentation.figures import inline_svg
-from positioning.presentation.style import PALETTES, TONES, is_control
-from positioning.presentation.tables import HEADINGS, NOTHING, Row
+from positioning.presentation.environment import as_text, environment
+from positioning.presentation.svg import inline_svg
+from positioning.presentation.tables import Row
+from positioning.presentation.tones import is_control
 from positioning.simulation.settings import calibrated_settings
 
 WORLDS_NEEDED = 39
 """Fewer worlds than this cannot promise a 95 % interval of single experiments."""
 
-MAIN_FIGURES = ("table1", "means", "printed", "outage", "mean_error", "errors")
-"""Names of the figure that stands for a study on the front page, first found first."""
+SHARES = ("ordering", "smallest", "ratio", "bound")
+"""Kinds of claims that worlds meet or do not: what is rebuilt is the share of them."""
 
 PREDICATES = {
     "exact": ("is rebuilt to the last digit", "are rebuilt to the last digit"),
@@ -98,20 +97,7 @@ class Report:
     sources: pd.DataFrame | None = None
 
 
-@dataclass(frozen=True)
-class Summary:
-    """What the front page says of a study; ``page`` is the link to its own page."""
-
-    study: str
-    title: str
-    page: str
-    table: pd.DataFrame
-    paper: Mapping[str, Any]
-    pictures: Sequence[Picture]
-    quick: bool = False
-
-
-def read_pictures(folder: str | Path, study: str) -> list[Picture]:
+def read_pictures(folder: str | Path, study: str, only: str = "") -> list[Picture]:
     """Read a folder of figures, in the order of its ``captions.json``.
 
     Parameters
@@ -120,6 +106,8 @@ def read_pictures(folder: str | Path, study: str) -> list[Picture]:
         As `positioning.presentation.figures.save` writes it.
     study
         Whose figures they are; keeps the figures of several studies apart on one page.
+    only
+        Name of a single figure; without it, all. A name that is not there gives none.
 
     Raises
     ------
@@ -128,6 +116,8 @@ def read_pictures(folder: str | Path, study: str) -> list[Picture]:
     """
     pictures = []
     for line in read_json(Path(folder) / "captions.json"):
+        if only not in ("", line["name"]):
+            continue
         if not line["alt"].strip():
             raise InputError(f"figure {line['name']}", "its alt text is empty", "Say in words what it shows")
         text = (Path(folder) / f"{line['name']}.svg").read_text(encoding="utf-8")
@@ -147,10 +137,11 @@ def study_page(report: Report) -> str:
     rows = tables.rows_of(report.table, report.claims, report.paper)
     kinds = {claim["id"]: claim["kind"] for claim in report.paper.get("claims", [])}
     return (
-        _environment()
+        environment()
         .get_template("study.html")
         .render(
             title=report.plan["title"],
+            here="study",
             study=report.study,
             plan=report.plan,
             paper=report.paper,
@@ -159,7 +150,7 @@ def study_page(report: Report) -> str:
             families=[_family(name, rows, report) for name in tables.families(report.table)],
             calibration=report.calibration,
             pictures=report.pictures,
-            claims=[_claim(line, kinds) for line in tables.records(report.claims)],
+            claims=[claim_line(line, kinds) for line in tables.records(report.claims)],
             settings=_settings(report),
             readings=report.paper.get("readings", {}).get(report.study, []),
             entries=[_entry(name, value) for name, value in report.plan["entries"].items()],
@@ -172,70 +163,6 @@ def study_page(report: Report) -> str:
             worlds_needed=WORLDS_NEEDED,
         )
     )
-
-
-def index_page(summaries: Sequence[Summary], claims: pd.DataFrame) -> str:
-    """Return the front page as HTML.
-
-    Parameters
-    ----------
-    summaries
-        One a study, in their order.
-    claims
-        The ledger of all studies.
-    """
-    verdicts = [verdict for verdict in VERDICTS if (claims["verdict"] == verdict).any()]
-    kinds = _kinds(summaries)
-    return (
-        _environment()
-        .get_template("index.html")
-        .render(
-            title="Reposition",
-            answer=answer(
-                claims, f"in {(judged := claims['study'].nunique())} stud{'y' if judged == 1 else 'ies'}"
-            ),
-            verdicts=verdicts,
-            matrix=matrix(summaries, claims, verdicts),
-            studies=[_short(summary, claims) for summary in summaries],
-            claims=[_claim(line, kinds) for line in tables.records(claims)],
-            titles={summary.study: summary for summary in summaries},
-            quick=any(summary.quick for summary in summaries),
-            worlds_needed=WORLDS_NEEDED,
-        )
-    )
-
-
-def summary_markdown(summaries: Sequence[Summary], claims: pd.DataFrame) -> str:
-    """Return the short table of claims, and printed beside rebuilt means, as the README shows them.
-
-    Parameters
-    ----------
-    summaries, claims
-        As in `index_page`.
-    """
-    verdicts = [verdict for verdict in VERDICTS if (claims["verdict"] == verdict).any()]
-    lines = []
-    for summary in summaries:
-        own = claims[claims["study"] == summary.study]
-        found = tables.counts(own)
-        told = [str(found.get(verdict, 0) or NOTHING) for verdict in verdicts]
-        lines.append([tables.code(summary.study), str(len(own)), *told])
-    parts = tables.markdown(["study", "claims", *verdicts], lines)
-    for summary in summaries:
-        rows = tables.rows_of(summary.table, claims[claims["study"] == summary.study], summary.paper)
-        printed = [row for row in rows if row.cells and row.cells["mean_m"].printed]
-        if printed:
-            size = tables.size_of(printed)
-            parts += ["", f"Mean error, metres ({tables.code(summary.study)}; {size.rstrip('.')}):", ""]
-            parts += tables.markdown(
-                ["algorithm", "printed", "rebuilt", tables.central(tables.most_worlds(printed)), "verdict"],
-                [
-                    [tables.code(row.algorithm), cell.printed, cell.text, cell.span or NOTHING, cell.verdict]
-                    for row in printed
-                    for cell in [row.cells["mean_m"]]
-                ],
-            )
-    return "\n".join(parts) + "\n"
 
 
 def answer(claims: pd.DataFrame, where: str) -> str:
@@ -265,31 +192,40 @@ def worlds_in_words(plan: Mapping[str, Any]) -> str:
     return worlds + (f" of {families} families each" if families > 1 else "")
 
 
-def matrix(
-    summaries: Iterable[Summary], claims: pd.DataFrame, verdicts: Sequence[str]
-) -> list[dict[str, Any]]:
-    """Return counts of verdicts by study and kind of claim; ``level`` 0 to 4 is how dark a count is drawn.
+def figure_of(claim: str, figures: Iterable[str]) -> str:
+    """Return which of a page's figures shows a claim, by the part of its name before the first dot, or "".
 
     Parameters
     ----------
-    summaries, claims
-        As in `index_page`.
-    verdicts
-        The columns.
+    claim
+        The claim's name.
+    figures
+        Names of the figures.
     """
-    lines = []
-    for summary in summaries:
-        kinds = {claim["id"]: claim["kind"] for claim in summary.paper.get("claims", [])}
-        own = [line for line in tables.records(claims) if line["study"] == summary.study]
-        for kind in dict.fromkeys(kinds.get(line["claim"], "") for line in own):
-            found = [str(line["verdict"]) for line in own if kinds.get(line["claim"], "") == kind]
-            numbers = [found.count(verdict) for verdict in verdicts]
-            cells = [
-                {"verdict": v, "count": n, "level": -(-4 * n // max(len(found), 1))}
-                for v, n in zip(verdicts, numbers, strict=True)
-            ]
-            lines.append({"study": summary.study, "kind": kind, "cells": cells, "total": len(found)})
-    return lines
+    part = claim.partition(".")[0]
+    return part if part in figures else ""
+
+
+def build_lines(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return what the numbers came from, as pairs of a name and a text.
+
+    Parameters
+    ----------
+    manifest
+        As the rule of this name writes it.
+    """
+    seconds = manifest.get("seconds_by_rule", {})
+    told = [
+        ("commit", str(manifest.get("commit", "unknown")) + ", with changes" * bool(manifest.get("dirty"))),
+        ("configuration", str(manifest.get("config_digest", "unknown"))[:16]),
+        ("versions", as_text({"python": manifest.get("python", "unknown"), **manifest.get("packages", {})})),
+        ("machine", ", ".join(str(manifest[name]) for name in ("system", "processor") if name in manifest)),
+        (
+            "seconds of all jobs",
+            as_text({rule: float(used) for rule, used in sorted(seconds.items(), key=lambda item: -item[1])}),
+        ),
+    ]
+    return [(name, text) for name, text in told if text]
 
 
 def flatten(value: Any, name: str = "") -> list[tuple[str, str]]:
@@ -302,37 +238,6 @@ def flatten(value: Any, name: str = "") -> list[tuple[str, str]]:
         ]
         return pairs
     return [(name, as_text(value))]
-
-
-def as_text(value: Any) -> str:
-    """Return a setting's value as a reader writes it."""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, Mapping):
-        return ", ".join(
-            f"{key} = {'(' + as_text(part) + ')' if isinstance(part, Mapping) else as_text(part)}"
-            for key, part in value.items()
-        )
-    if isinstance(value, (list, tuple)):
-        return ", ".join(as_text(part) for part in value)
-    return "none" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("positioning.presentation"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters["tone"] = lambda verdict: TONES.get(verdict, "plain")
-    environment.filters["as_text"] = as_text
-    environment.globals["palettes"] = PALETTES
-    environment.globals["headings"] = HEADINGS
-    environment.globals["nothing"] = NOTHING
-    return environment
 
 
 def _family(name: str, rows: Sequence[Row], report: Report) -> dict[str, Any]:
@@ -398,9 +303,18 @@ def _seconds(seconds: float) -> str:
     return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
 
 
-def _claim(line: Mapping[str, Any], kinds: Mapping[str, str]) -> dict[str, Any]:
+def claim_line(line: Mapping[str, Any], kinds: Mapping[str, str]) -> dict[str, Any]:
+    """Return a claim as its table shows it; ``kinds`` by claim.
+
+    Parameters
+    ----------
+    line
+        A line of the ledger.
+    kinds
+        Kind by claim.
+    """
     printed, kind = str(line["printed"]), kinds.get(str(line["claim"]), "")
-    share = kind in ("ordering", "ratio", "bound")
+    share = kind in SHARES
     rebuilt, low, high = (float(line[name]) for name in ("rebuilt", "low", "high"))
     least = 0 if line["unit"] in tables.COUNTS else 2
     return {
@@ -415,10 +329,6 @@ def _claim(line: Mapping[str, Any], kinds: Mapping[str, str]) -> dict[str, Any]:
         else tables.span(low, high, printed, least),
         "worlds": tables.worlds_text(line["worlds"]),
     }
-
-
-def _kinds(summaries: Iterable[Summary]) -> dict[str, str]:
-    return {claim["id"]: claim["kind"] for summary in summaries for claim in summary.paper.get("claims", [])}
 
 
 def _settings(report: Report) -> dict[str, list[dict[str, Any]]]:
@@ -478,21 +388,3 @@ def _sources(report: Report) -> list[dict[str, Any]]:
         return []
     used = {options["source"] for options in report.plan["recordings"].values()}
     return [line for line in tables.records(report.sources) if line["source"] in used]
-
-
-def _short(summary: Summary, claims: pd.DataFrame) -> dict[str, Any]:
-    own = claims[claims["study"] == summary.study]
-    rows = tables.rows_of(summary.table, own, summary.paper)
-    families = tables.families(summary.table)
-    algorithms = list(dict.fromkeys(row.algorithm for row in rows))
-    by_place = {(row.algorithm, row.family): row for row in rows}
-    order = [name for name in MAIN_FIGURES if any(p.name == name for p in summary.pictures)]
-    main = next((p for p in summary.pictures if order and p.name == order[0]), None)
-    return {
-        "summary": summary,
-        "answer": answer(own, "on the worlds of this study") if len(own) else "",
-        "families": families,
-        "central": tables.central(tables.most_worlds(rows)),
-        "lines": [(name, [by_place.get((name, family)) for family in families]) for name in algorithms],
-        "picture": main or (summary.pictures[0] if summary.pictures else None),
-    }

@@ -151,40 +151,6 @@ KNOWN: dict[str, Stroke] = {
 }
 """Colours that stay apart for colour-blind readers; variants share a marker and differ in line style."""
 
-CONTROL = "control_"
-"""How the names of rows begin that may see the truth."""
-
-TONES: dict[str, str] = {
-    "exact": "good",
-    "reproduced": "good",
-    "holds": "good",
-    "depends": "mixed",
-    "undecided": "mixed",
-    "not reproduced": "bad",
-    "fails": "bad",
-    "contradicts itself": "bad",
-    "calibrated": "plain",
-    "none given": "plain",
-    "not testable": "plain",
-}
-"""The tone in which a verdict is coloured; the word always stands beside it."""
-
-PALETTES: dict[str, dict[str, tuple[str, str]]] = {
-    "light": {
-        "good": ("#1b5e20", "#e6f3e7"),
-        "bad": ("#8e1b1b", "#fbe9e7"),
-        "mixed": ("#6b4a00", "#fff3d1"),
-        "plain": ("#37474f", "#eceff1"),
-    },
-    "dark": {
-        "good": ("#a5d6a7", "#14301a"),
-        "bad": ("#f6b8b2", "#3b1614"),
-        "mixed": ("#ffd98a", "#382b08"),
-        "plain": ("#cfd8dc", "#263238"),
-    },
-}
-"""Text and background of each tone, on light and on dark pages."""
-
 WIDTH_IN = 7.2
 """Width of figures, inches."""
 
@@ -214,6 +180,8 @@ _SETTINGS: dict[Any, Any] = {
     "lines.markersize": 5.5,
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
+    # Points that lie this near a line, in points, are left out of it; thinner than any line drawn.
+    "path.simplify_threshold": 0.4,
     "svg.fonttype": "path",
     "svg.hashsalt": "reposition",
     "pdf.fonttype": 42,
@@ -284,11 +252,6 @@ def stroke(name: str) -> Stroke:
     code = crc32(name.encode())
     color = _hls((code % 360) / 360, 0.34 + 0.02 * (code // 360 % 5), 0.55)
     return Stroke(color, ("-", "--", "-.")[code // 1800 % 3], "osD^v<>PX"[code // 5400 % 9])
-
-
-def is_control(name: str) -> bool:
-    """Say whether a row is a control, which may see the truth and competes with nobody."""
-    return name.startswith(CONTROL)
 
 
 def contrast(first: str, second: str) -> float:

@@ -13,7 +13,7 @@ import pandas as pd
 
 from positioning.evaluation.claims import VERDICTS
 from positioning.evaluation.statistics import single_experiment_interval
-from positioning.presentation.style import is_control
+from positioning.presentation.tones import is_control
 
 TEXT = {
     "algorithm",

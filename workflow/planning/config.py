@@ -97,6 +97,7 @@ class Study:
     families: dict[str, dict[str, Any]] = field(default_factory=dict)
     calibrate: list[dict[str, Any]] = field(default_factory=list)
     recordings: dict[str, dict[str, Any]] = field(default_factory=dict)
+    figure: str = ""
 
     @property
     def kind(self) -> str:
@@ -134,6 +135,8 @@ class Study:
         """Return the plan as the study's page tells it."""
         return {
             "title": self.title,
+            "paper": self.paper,
+            "figure": self.figure,
             "entries": {name: row.describe() for name, row in self.entries.items()},
             "sweeps": {name: row.settings() for name, row in self.sweeps.items()},
             "families": self.families,
@@ -204,6 +207,7 @@ def resolve(config: Mapping[str, Any], root: Path = Path()) -> dict[str, Study]:
             recordings={k: v for k, v in values.get("recordings", {}).items() if v is not None},
             calibrate=values.get("calibrate", []),
             families={} if "recordings" in values else _families(values, paper, name),
+            figure=values.get("figure", ""),
         )
         for row in study.rows.values():
             for family in row.families:

@@ -1,65 +1,72 @@
-"""Write the front page, the ledger of all claims for readers, and the summary that the README shows."""
+"""Write the pages over all studies: front page, claims, method; and the ledger for readers."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from positioning.files import read_yaml, write_text
+from positioning.files import read_json, read_yaml, write_text
 from positioning.joblog import logging_to
-from positioning.presentation import pages, tables
+from positioning.presentation import front, ledger, method, pages, tables
 
 
 def main(
     plan: Mapping[str, Mapping[str, Any]],
     files: Mapping[str, Sequence[str]],
     claims: str,
+    manifest: str,
     output: Mapping[str, str],
 ) -> None:
-    """Write four files, ``html``, ``claims``, ``markdown`` and ``summary``.
+    """Write five files, ``html``, ``claims``, ``method``, ``csv`` and ``markdown``.
 
     Parameters
     ----------
     plan
-        By study, in the order of the page: ``title``, ``quick``.
+        By study, in the order of the page, as its page has it, and ``quick``.
     files
         ``tables`` and ``figures`` (the folders), one a study in the order of ``plan``; ``papers``, all.
     claims
         The ledger of all studies.
+    manifest
+        What the numbers came from.
     output
-        The four files; the pages of the studies stand beside the first.
+        The five files; the pages of the studies stand beside the first.
     """
-    ledger = tables.read_table(claims)
-    printed = [claim for paper in files["papers"] for claim in read_yaml(paper)["claims"]]
-    summaries = [
-        pages.Summary(
-            study=study,
-            title=values["title"],
-            page=f"{study}.html",
-            table=tables.read_table(table),
-            paper={"claims": [claim for claim in printed if claim["study"] == study]},
-            pictures=pages.read_pictures(figures, study),
-            quick=values["quick"],
+    joined, build = tables.read_table(claims), read_json(manifest)
+    papers = {paper["key"]: paper for paper in map(read_yaml, files["papers"])}
+    quick = any(values["quick"] for values in plan.values())
+    worlds = {study: pages.worlds_in_words(values) for study, values in plan.items()}
+    figures, summaries = {}, []
+    for (study, values), table, folder in zip(plan.items(), files["tables"], files["figures"], strict=True):
+        figures[study] = [str(line["name"]) for line in read_json(Path(folder) / "captions.json")]
+        synthetic, shown = not values["recordings"], values["figure"] or figures[study][0]
+        pictures = pages.read_pictures(folder, study, only=shown) if synthetic else []
+        summaries.append(
+            front.Summary(
+                study=study,
+                title=values["title"],
+                paper=values["paper"],
+                page=f"{study}.html",
+                recorded=not synthetic,
+                worlds=worlds[study],
+                table=tables.read_table(table),
+                claims=[claim for claim in papers[values["paper"]]["claims"] if claim["study"] == study],
+                picture=pictures[0] if pictures else None,
+            )
         )
-        for (study, values), table, figures in zip(
-            plan.items(), files["tables"], files["figures"], strict=True
-        )
-    ]
-    write_text(output["html"], pages.index_page(summaries, ledger))
-    write_text(output["claims"], Path(claims).read_text(encoding="utf-8"))
-    write_text(output["markdown"], tables.ledger_markdown(ledger))
-    write_text(output["summary"], pages.summary_markdown(summaries, ledger))
+    kinds = {claim["id"]: claim["kind"] for paper in papers.values() for claim in paper["claims"]}
+    write_text(output["html"], front.front_page(summaries, papers, joined, build, quick=quick))
+    write_text(output["claims"], ledger.claims_page(joined, kinds, papers, figures, build, quick=quick))
+    write_text(output["method"], method.method_page(worlds, build, quick=quick))
+    write_text(output["csv"], Path(claims).read_text(encoding="utf-8"))
+    write_text(output["markdown"], tables.ledger_markdown(joined))
 
 
 if __name__ == "__main__":
     with logging_to(snakemake.log[0]):
         main(
             snakemake.params.plan,
-            {
-                "tables": snakemake.input.tables,
-                "figures": snakemake.input.figures,
-                "papers": snakemake.input.get("papers")
-                or sorted(map(str, Path("data/papers").glob("*.yaml"))),
-            },
+            {name: snakemake.input[name] for name in ("tables", "figures", "papers")},
             snakemake.input.claims,
+            snakemake.input.manifest,
             dict(snakemake.output.items()),
         )

@@ -16,8 +16,9 @@ from positioning.presentation import figures
 from positioning.presentation.families import Study
 from positioning.presentation.figures import Drawn
 from positioning.presentation.studies.sar_flight_world import OUTAGE_COLOR, TRUE_COLOR, logarithmic
-from positioning.presentation.style import is_control, stroke
+from positioning.presentation.style import stroke
 from positioning.presentation.tables import metres
+from positioning.presentation.tones import is_control
 
 TRACKS = ("gps_inertial", "gps_inertial_15")
 """Rows whose tracks are drawn; inertial navigation alone leaves the site within a minute."""

@@ -31,8 +31,9 @@ from positioning.presentation.studies.foot_wlan_world import (
     draw_walk,
     legend_above,
 )
-from positioning.presentation.style import GREY, is_control, stroke
+from positioning.presentation.style import GREY, stroke
 from positioning.presentation.tables import central, decimals
+from positioning.presentation.tones import is_control
 
 NEAR_SHARE = 0.05
 """A share that is printed as a number is met within so much of it; assumed."""

@@ -34,8 +34,9 @@ from positioning.presentation.studies.graph_slam_world import (
     long_walks,
     name_printed,
 )
-from positioning.presentation.style import GREY, is_control, stroke
+from positioning.presentation.style import GREY, stroke
 from positioning.presentation.tables import central, decimals
+from positioning.presentation.tones import is_control
 
 BIN_M = 0.25
 """Width of the bars of Figure 7."""

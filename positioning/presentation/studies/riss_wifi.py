@@ -18,8 +18,9 @@ from positioning.presentation import figures
 from positioning.presentation.families import Study
 from positioning.presentation.figures import Drawn
 from positioning.presentation.studies.riss_wifi_world import FULL, INTEGRATED, RISS, SYSTEMS, draw_drive
-from positioning.presentation.style import GREY, is_control, stroke
+from positioning.presentation.style import GREY, stroke
 from positioning.presentation.tables import central, decimals
+from positioning.presentation.tones import is_control
 
 RMSE, MAX = "rmse_m", "max_m"
 

@@ -1,0 +1,183 @@
+"""The front page: the verdicts at a glance, then each study's answer with the figure that stands for it."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from positioning.presentation import tables
+from positioning.presentation.environment import environment
+from positioning.presentation.pages import WORLDS_NEEDED, Picture, answer, build_lines
+from positioning.presentation.tones import GROUPS
+
+SIDE_REM = 2.6
+"""Side of the square of the largest count."""
+
+PREDICATES = {
+    "agrees": ("agrees", "agree"),
+    "depends on the world": ("depends on the world", "depend on the world"),
+    "differs": ("differs", "differ"),
+    "contradicts itself": ("contradicts the paper's own numbers", "contradict the paper's own numbers"),
+    "not judged": ("is not judged", "are not judged"),
+}
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What the front page says of a study.
+
+    Attributes
+    ----------
+    study
+        Its name.
+    title
+        Its title.
+    paper
+        Key of its paper.
+    page
+        Link to its own page.
+    recorded
+        Whether it runs on real recordings.
+    worlds
+        On what it runs, in words.
+    table
+        As `tables.read_table` reads it.
+    claims
+        What the paper claims of this study, as ``data/papers`` has it.
+    picture
+        The figure that stands for it.
+    """
+
+    study: str
+    title: str
+    paper: str
+    page: str
+    recorded: bool
+    worlds: str
+    table: pd.DataFrame
+    claims: Sequence[Mapping[str, Any]]
+    picture: Picture | None
+
+
+def front_page(
+    summaries: Sequence[Summary],
+    papers: Mapping[str, Mapping[str, Any]],
+    claims: pd.DataFrame,
+    manifest: Mapping[str, Any],
+    *,
+    quick: bool = False,
+) -> str:
+    """Return the front page as HTML.
+
+    Parameters
+    ----------
+    summaries
+        One a study, in their order.
+    papers
+        By key: ``authors``, ``title`` and whatever else names a paper.
+    claims
+        The ledger of all studies.
+    manifest
+        What the numbers came from.
+    quick
+        Whether they are those of a quick build.
+    """
+    order = list(dict.fromkeys(summary.paper for summary in summaries))
+    return (
+        environment()
+        .get_template("index.html")
+        .render(
+            title="Reposition",
+            here="index",
+            quick=quick,
+            worlds_needed=WORLDS_NEEDED,
+            answer=in_short(claims),
+            groups=shown_groups(claims),
+            matrix=glance(order, claims),
+            papers=[_paper(key, papers[key], summaries, claims) for key in order],
+            build=build_lines(manifest),
+        )
+    )
+
+
+def in_short(claims: pd.DataFrame) -> str:
+    """Return the verdicts of a ledger in one sentence, by what they come to.
+
+    Parameters
+    ----------
+    claims
+        The ledger, or a part of it.
+    """
+    counts = {group: int(claims["verdict"].isin(verdicts).sum()) for group, verdicts in GROUPS.items()}
+    told = [f"{count} {PREDICATES[group][count != 1]}" for group, count in counts.items() if count]
+    if not told:
+        return "The papers claim nothing here."
+    listed = told[0] if len(told) == 1 else ", ".join(told[:-1]) + " and " + told[-1]
+    return f"Of {len(claims)} claim{'s' * (len(claims) != 1)}, {listed}."
+
+
+def shown_groups(claims: pd.DataFrame) -> dict[str, list[str]]:
+    """Return the verdicts that a ledger has, by what they come to.
+
+    Parameters
+    ----------
+    claims
+        The ledger.
+    """
+    found = set(claims["verdict"])
+    groups = {
+        group: [verdict for verdict in verdicts if verdict in found] for group, verdicts in GROUPS.items()
+    }
+    return {group: verdicts for group, verdicts in groups.items() if verdicts}
+
+
+def glance(papers: Sequence[str], claims: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return counts of verdicts by paper; areas of the squares are as the counts.
+
+    Parameters
+    ----------
+    papers
+        Keys, in the order of the lines.
+    claims
+        The ledger.
+    """
+    verdicts = [verdict for group in shown_groups(claims).values() for verdict in group]
+    counts = claims.groupby(["paper", "verdict"]).size()
+    most = max(counts, default=1)
+    lines = []
+    for paper in papers:
+        numbers = [int(counts.get((paper, verdict), 0)) for verdict in verdicts]
+        cells = [
+            {"verdict": verdict, "count": count, "side_rem": round(SIDE_REM * math.sqrt(count / most), 3)}
+            for verdict, count in zip(verdicts, numbers, strict=True)
+        ]
+        lines.append({"paper": paper, "cells": cells, "total": sum(numbers)})
+    return lines
+
+
+def _paper(
+    key: str, paper: Mapping[str, Any], summaries: Sequence[Summary], claims: pd.DataFrame
+) -> dict[str, Any]:
+    own = [summary for summary in summaries if summary.paper == key]
+    return {
+        "key": key,
+        "paper": paper,
+        "answer": in_short(claims[claims["paper"] == key]),
+        "studies": [_study(summary, claims) for summary in own],
+    }
+
+
+def _study(summary: Summary, claims: pd.DataFrame) -> dict[str, Any]:
+    own = claims[claims["study"] == summary.study]
+    rows = tables.rows_of(summary.table, own, {"claims": summary.claims})
+    printed = [row for row in rows if row.cells and row.cells["mean_m"].printed]
+    return {
+        "summary": summary,
+        "answer": f"{in_short(own)[:-1]}, judged {summary.worlds}."
+        if len(own)
+        else answer(own, summary.worlds),
+        "printed": [(row.algorithm, row.cells["mean_m"]) for row in printed],
+        "central": tables.central(tables.most_worlds(printed)) if printed else "",
+    }

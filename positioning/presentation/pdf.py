@@ -1,0 +1,289 @@
+"""The whole report as one PDF, set by Typst from data; and the ledger of claims as a LaTeX long table."""
+
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from positioning.errors import InputError
+from positioning.evaluation.claims import VERDICTS
+from positioning.files import read_json
+from positioning.presentation import tables
+from positioning.presentation.pages import claim_line, flatten, worlds_in_words
+from positioning.presentation.tones import PALETTES, TONES
+
+TEMPLATE = Path(__file__).parent / "templates" / "report.typ"
+"""How the report is laid out; it holds no numbers and no texts of a study."""
+
+EPOCH = 0
+"""Seconds since 1970 that the file gives as its time: equal reports are equal to the byte."""
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """What the report says of one study.
+
+    Attributes
+    ----------
+    study
+        Its name.
+    plan
+        ``title``, ``worlds``, ``families``, ``recordings``, ``entries``, ``quick`` as on its page.
+    table, claims
+        As `tables.read_table` reads them; the claims of this study alone.
+    paper
+        What the paper reports: ``authors``, ``title``, ``claims``.
+    figures
+        The folder of its figures.
+    """
+
+    study: str
+    plan: Mapping[str, Any]
+    table: pd.DataFrame
+    claims: pd.DataFrame
+    paper: Mapping[str, Any]
+    figures: Path
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """A table of cells of text; ``verdict`` colours what is small under a number."""
+
+    head: list[str]
+    lines: list[list[dict[str, str]]] = field(default_factory=list)
+    caption: str = ""
+
+
+def report_pdf(chapters: Sequence[Chapter], manifest: Mapping[str, Any], seconds: int = EPOCH) -> bytes:
+    """Return the report as a PDF with bookmarks, page numbers and figures whose fonts are embedded.
+
+    Parameters
+    ----------
+    chapters
+        One a study, in their order.
+    manifest
+        Commit, versions and whatever else names the build.
+    seconds
+        The time that the file gives as its own, since 1970; equal input gives equal bytes.
+
+    Raises
+    ------
+    InputError
+        Where a figure's PDF is not there, or the figures of the studies lie in no common folder.
+    """
+    import typst  # of 30 MB: who only reads the texts of this module does not wait for it
+
+    root = _common([chapter.figures for chapter in chapters])
+    data = json.dumps(report_data(chapters, manifest, root), ensure_ascii=False)
+    template: Any = TEMPLATE.read_bytes()  # typst's own types want template and root to be of one kind
+    pdf: bytes = typst.compile(
+        template,
+        root=str(root),
+        sys_inputs={"report": data},
+        ignore_system_fonts=True,
+        format="pdf",
+        timestamp=datetime.fromtimestamp(seconds, UTC),
+    )
+    return pdf
+
+
+def report_data(chapters: Sequence[Chapter], manifest: Mapping[str, Any], root: Path) -> dict[str, Any]:
+    """Return all that the template sets, as texts.
+
+    Parameters
+    ----------
+    chapters, manifest
+        As in `report_pdf`.
+    root
+        The folder to which the paths of figures are relative.
+    """
+    ledger = pd.concat([chapter.claims for chapter in chapters]) if chapters else pd.DataFrame()
+    verdicts = [verdict for verdict in VERDICTS if len(ledger) and (ledger["verdict"] == verdict).any()]
+    return {
+        "title": "Reposition",
+        "subtitle": "Experiments of positioning papers, run again: what holds and what does not",
+        "commit": _commit(manifest),
+        "quick": any(chapter.plan.get("quick") for chapter in chapters),
+        "answer": f"{len(ledger)} claims: {_counted(ledger)}." if len(ledger) else "No claims were judged.",
+        "verdicts": verdicts,
+        "matrix": [_matrix_line(chapter, verdicts) for chapter in chapters],
+        "tones": {v: PALETTES["light"][TONES.get(v, "plain")] for v in VERDICTS},
+        "chapters": [_chapter(chapter, root) for chapter in chapters],
+        "manifest": [[name, text] for name, text in flatten(manifest)],
+    }
+
+
+def ledger_latex(claims: pd.DataFrame, kinds: Mapping[str, str]) -> str:
+    """Return the ledger of claims as a LaTeX table over many pages, for longtable and booktabs.
+
+    Parameters
+    ----------
+    claims
+        As `tables.read_table` reads them.
+    kinds
+        The kind of each claim by its id: the rebuilt number of some is a share of worlds.
+    """
+    head = " & ".join(("claim", "where", "printed", "rebuilt", "interval", "worlds", "verdict")) + " \\\\"
+    parts = [
+        "% Needs \\usepackage{booktabs,longtable,array} and an input encoding of UTF-8.",
+        "\\begin{longtable}{>{\\raggedright}p{0.24\\linewidth}>{\\raggedright}p{0.2\\linewidth}rrrrl}",
+        f"\\caption{{{tables.latex(_ledger_caption(claims))}}}\\label{{tab:claims}}\\\\",
+        f"\\toprule\n{head}\n\\midrule\n\\endfirsthead",
+        f"\\toprule\n{head}\n\\midrule\n\\endhead",
+        "\\bottomrule\n\\endfoot",
+    ]
+    for study in dict.fromkeys(str(name) for name in claims["study"]):
+        own = tables.records(claims[claims["study"] == study])
+        name = f"\\texttt{{{tables.latex(study)}}}, {len(own)} claim{'s' * (len(own) != 1)}"
+        parts.append(f"\\multicolumn{{7}}{{l}}{{{name}}} \\\\*")
+        for line in own:
+            told = claim_texts(line, kinds.get(str(line["claim"]), ""))
+            # Dots and underscores of an id are places where a narrow column may break it.
+            claim = re.sub(r"(\.|\\_)", r"\1\\allowbreak{}", tables.latex(told["claim"]))
+            cells = (told[name] for name in ("where", "printed", "rebuilt", "span", "worlds", "verdict"))
+            parts.append(" & ".join([f"\\texttt{{{claim}}}", *map(tables.latex, cells)]) + " \\\\")
+        parts.append("\\addlinespace")
+    return "\n".join([*parts, "\\end{longtable}"]) + "\n"
+
+
+def claim_texts(line: Mapping[str, Any], kind: str) -> dict[str, str]:
+    """Return what is told of one claim: its numbers as a reader writes them, with their units.
+
+    Parameters
+    ----------
+    line
+        One line of the ledger.
+    kind
+        The claim's kind.
+    """
+    told = claim_line(line, {str(line["claim"]): kind})
+    names = ("claim", "where", "what", "printed", "rebuilt", "span", "worlds", "verdict", "reason")
+    return {name: str(told[name]) or tables.NOTHING for name in names}
+
+
+def _chapter(chapter: Chapter, root: Path) -> dict[str, Any]:
+    kinds = {str(claim["id"]): str(claim["kind"]) for claim in chapter.paper.get("claims", [])}
+    plan = chapter.plan
+    return {
+        "study": chapter.study,
+        "title": plan["title"],
+        "paper": f"{chapter.paper['authors']}: {chapter.paper['title']}",
+        "answer": f"{len(chapter.claims)} claim{'s' * (len(chapter.claims) != 1)}, judged {worlds_in_words(plan)}:"
+        f" {_counted(chapter.claims)}."
+        if len(chapter.claims)
+        else f"No claim of the paper speaks of this study; its algorithms are compared {worlds_in_words(plan)}.",
+        "tables": [vars(grid) for grid in _grids(chapter)],
+        "figures": _figures(chapter.figures, root),
+        "claims": [
+            claim_texts(line, kinds.get(str(line["claim"]), "")) for line in tables.records(chapter.claims)
+        ],
+    }
+
+
+def _grids(chapter: Chapter) -> Iterable[_Grid]:
+    """Yield a table for each family and task: rebuilt numbers, under them those that are printed."""
+    rows = tables.rows_of(chapter.table, chapter.claims, chapter.paper)
+    for family in tables.families(chapter.table):
+        own = [row for row in rows if row.family == family]
+        for task, lines in tables.by_task(own, chapter.plan["entries"]).items():
+            ran = [row for row in lines if row.cells]
+            shown = [
+                m
+                for m in tables.HEADINGS
+                if m in ("mean_m", "p50_m", "p75_m", "p90_m", "p95_m")
+                or any(row.cells[m].printed for row in ran)
+            ]
+            grid = _Grid(
+                head=["algorithm", *(tables.HEADINGS[m] for m in shown), "mean, interval"],
+                caption=_caption(family, task, ran, lines),
+            )
+            for row in ran:
+                cells = [row.cells[m] for m in shown]
+                grid.lines.append(
+                    [
+                        {"text": row.algorithm, "small": "", "verdict": ""},
+                        *(
+                            {"text": c.text, "small": c.printed, "verdict": c.verdict if c.printed else ""}
+                            for c in cells
+                        ),
+                        {"text": row.cells["mean_m"].span or tables.NOTHING, "small": "", "verdict": ""},
+                    ]
+                )
+            yield grid
+
+
+def _caption(family: str, task: str, ran: Sequence[tables.Row], lines: Sequence[tables.Row]) -> str:
+    told = f"{family}, {task.replace('_', ' ')}: position errors in metres. {tables.size_of(ran)}"
+    if any(cell.printed for row in ran for cell in row.cells.values()):
+        told += " Under a rebuilt number: what the paper prints, coloured and marked by its verdict."
+    if any(row.cells["mean_m"].span for row in ran):
+        told += f" Interval: {tables.central(tables.most_worlds(ran))}."
+    skipped: dict[str, list[str]] = {}
+    for row in lines:
+        if not row.cells:
+            skipped.setdefault(row.note, []).append(row.algorithm)
+    return told + "".join(f" Did not run: {', '.join(names)} ({why})." for why, names in skipped.items())
+
+
+def _figures(folder: Path, root: Path) -> list[dict[str, str]]:
+    figures = []
+    for line in read_json(folder / "captions.json"):
+        path = folder / f"{line['name']}.pdf"
+        if not path.is_file():
+            raise InputError(f"figure {path}", "is not there", f"Draw the figures of {folder.name} again")
+        number = re.fullmatch(r"(fig|table)(\d+[a-z]?)", line["name"])
+        place = (
+            {"fig": "Figure", "table": "Table"}[number[1]] + f" {number[2]} of the paper. " if number else ""
+        )
+        figures.append(
+            {
+                "path": "/" + path.resolve().relative_to(root).as_posix(),
+                "title": place + line["title"],
+                "caption": line["caption"],
+                "alt": line["alt"],
+            }
+        )
+    return figures
+
+
+def _matrix_line(chapter: Chapter, verdicts: Sequence[str]) -> dict[str, Any]:
+    found = tables.counts(chapter.claims)
+    return {
+        "study": chapter.study,
+        "title": chapter.plan["title"],
+        "total": len(chapter.claims),
+        "counts": [found.get(verdict, 0) for verdict in verdicts],
+    }
+
+
+def _ledger_caption(claims: pd.DataFrame) -> str:
+    worlds = [int(number) for number in claims["worlds"] if not math.isnan(float(number)) and number]
+    told = f", judged on {min(worlds)} to {max(worlds)} worlds" if worlds else ""
+    return (
+        f"All {len(claims)} claims{told}. Of an ordering, a ratio or a bound, the rebuilt number is the share"
+        " of worlds in which it is so; of a number, the interval is where single experiments lie."
+    )
+
+
+def _counted(claims: pd.DataFrame) -> str:
+    return ", ".join(f"{count} {verdict}" for verdict, count in tables.counts(claims).items())
+
+
+def _commit(manifest: Mapping[str, Any]) -> str:
+    commit = str(manifest.get("commit", "unknown"))[:12]
+    return commit + (" with changes that are not committed" if manifest.get("dirty") else "")
+
+
+def _common(folders: Iterable[Path]) -> Path:
+    parents = {folder.resolve().parent for folder in folders}
+    if len(parents) > 1:
+        raise InputError(
+            "figures of the studies", f"lie in {len(parents)} folders", "Keep them below one folder"
+        )
+    return parents.pop() if parents else Path().resolve()

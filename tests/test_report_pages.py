@@ -1,0 +1,227 @@
+"""Front page, claims page, method page and PDF: counts, drawings and links."""
+
+import math
+import re
+from collections import Counter
+from decimal import Decimal
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from positioning.evaluation.claims import VERDICTS
+from positioning.files import write_json
+from positioning.presentation import front, ledger, method, pdf
+from positioning.presentation.pages import SHARES, figure_of
+from positioning.presentation.tones import GROUPS, TONES
+
+PAPERS = {
+    key: {"key": key, "short": key.title(), "authors": "A & B", "title": f"On {key}", "claims": []}
+    for key in ("first", "second")
+}
+
+
+def ledger_of(verdicts: dict[str, list[str]]) -> pd.DataFrame:
+    """A ledger of two papers with a study each; verdicts by paper."""
+    lines = [
+        {
+            "claim": f"fig{number}.{paper}",
+            "paper": paper,
+            "study": f"{paper}_study",
+            "where": f"Fig. {number}",
+            "what": "mean error <b>",
+            "unit": "m",
+            "printed": "3.0",
+            "rebuilt": 2.5,
+            "low": 2.0,
+            "high": 4.0,
+            "worlds": 40,
+            "verdict": verdict,
+            "reason": f"because of {number}",
+        }
+        for paper, found in verdicts.items()
+        for number, verdict in enumerate(found)
+    ]
+    return pd.DataFrame(lines)
+
+
+FOUND = {"first": ["reproduced"] * 9 + ["fails", "calibrated"], "second": ["depends", "holds", "holds"]}
+
+
+def summaries() -> list[front.Summary]:
+    table = pd.DataFrame(
+        {"algorithm": ["wknn"], "family": ["floor"], "worlds": [40], "n": [10], "note": [""]}
+    )
+    for metric in (
+        "mean",
+        "se",
+        "sd_worlds",
+        "rmse",
+        "p50",
+        "p75",
+        "p90",
+        "p95",
+        "max",
+        "mean_low",
+        "mean_high",
+    ):
+        table[f"{metric}_m"] = 2.5
+    return [
+        front.Summary(
+            study=f"{paper}_study",
+            title=f"Study of {paper}",
+            paper=paper,
+            page=f"{paper}_study.html",
+            recorded=False,
+            worlds="on 40 synthetic worlds",
+            table=table,
+            claims=[],
+            picture=None,
+        )
+        for paper in PAPERS
+    ]
+
+
+def test_every_verdict_has_one_group_one_tone_and_one_meaning() -> None:
+    grouped = Counter(verdict for verdicts in GROUPS.values() for verdict in verdicts)
+    assert grouped == Counter(VERDICTS) == Counter(TONES.keys()) == Counter(method.MEANINGS.keys())
+
+
+def test_the_sentence_counts_every_claim_once() -> None:
+    told = front.in_short(ledger_of(FOUND))
+    assert told == "Of 14 claims, 11 agree, 1 depends on the world, 1 differs and 1 is not judged."
+    assert sum(map(int, re.findall(r"\d+", told))) == 2 * 14
+    assert front.in_short(ledger_of(FOUND).iloc[:0]) == "The papers claim nothing here."
+
+
+def test_areas_at_a_glance_are_as_the_counts() -> None:
+    lines = front.glance(list(PAPERS), ledger_of(FOUND))
+    assert [line["total"] for line in lines] == [11, 3]
+    largest = next(c for c in lines[0]["cells"] if c["verdict"] == "reproduced")
+    for line in lines:
+        for cell in line["cells"]:
+            assert cell["side_rem"] ** 2 / largest["side_rem"] ** 2 == pytest.approx(
+                cell["count"] / 9, abs=1e-3
+            )
+
+
+def test_the_front_page_links_counts_to_their_claims() -> None:
+    page = front.front_page(summaries(), PAPERS, ledger_of(FOUND), {"commit": "0abc"})
+    assert 'href="claims.html?paper=first&amp;verdict=fails"' in page
+    assert "0abc" in page
+    for paper in PAPERS:
+        assert f'href="{paper}_study.html"' in page
+
+
+def claims_html(figures: dict[str, list[str]]) -> str:
+    frame = ledger_of(FOUND)
+    kinds = dict.fromkeys(frame["claim"], "value")
+    return ledger.claims_page(frame, kinds, PAPERS, figures, {})
+
+
+def test_claims_page_has_each_claim_once_with_its_link() -> None:
+    page = claims_html({"first_study": ["fig1"], "second_study": []})
+    for claim in ledger_of(FOUND)["claim"]:
+        assert page.count(f'<tr id="{claim}"') == 1
+    assert 'href="first_study.html#figure-fig1"' in page
+    assert 'href="first_study.html#claim-fig2.first"' in page
+    assert "mean error &lt;b&gt;" in page
+    assert page.count('<svg class="scale" viewBox="0 0 130') == 14
+
+
+def places(drawing: str) -> dict[str, float]:
+    """Where the marks of a drawing stand, pixels."""
+    found = {"rebuilt": float(re.search(r'class="rebuilt" cx="([\d.]+)"', drawing)[1])}
+    if span := re.search(r'class="span" d="M([\d.]+) [\d.]+H([\d.]+)"', drawing):
+        found |= {"low": float(span[1]), "high": float(span[2])}
+    if printed := re.search(r'class="printed" d="M([\d.]+) ', drawing):
+        found["printed"] = float(printed[1])
+    return found
+
+
+@given(
+    values=st.lists(st.floats(-50, 1e4).filter(lambda x: x == 0 or abs(x) > 1e-3), min_size=4, max_size=4),
+    kind=st.sampled_from(["value", "exact", "none"]),
+)
+def test_drawings_are_to_scale(values: list[float], kind: str) -> None:
+    low, rebuilt, high = sorted(values[:3])
+    printed = f"{Decimal(repr(values[3])):f}"
+    line = {"rebuilt": rebuilt, "low": low, "high": high, "printed": printed}
+    found = places(ledger.drawn(line, kind))
+    numbers = {**line, "printed": float(printed)}
+    least, most = min(0.0, *numbers.values()), max(0.0, *numbers.values())
+    for name, place in found.items():
+        share = (numbers[name] - least) / ((most - least) or 1.0)
+        assert place == pytest.approx(7 + share * (ledger.WIDTH - 14), abs=0.06)
+    assert found.keys() == {"rebuilt", "low", "high", "printed"}
+
+
+@pytest.mark.parametrize("kind", SHARES)
+def test_shares_stand_on_a_scale_of_their_own_without_what_is_printed(kind: str) -> None:
+    found = places(ledger.drawn({"rebuilt": 0.5, "low": 0.25, "high": 0.75, "printed": "7"}, kind))
+    assert found == {"rebuilt": 65.0, "low": 36.0, "high": 94.0}
+
+
+def test_nothing_is_drawn_where_nothing_was_measured() -> None:
+    nothing = {"rebuilt": math.nan, "low": math.nan, "high": math.nan, "printed": "3.0"}
+    assert ledger.drawn(nothing, "words") == ""
+
+
+def test_a_claim_belongs_to_the_figure_that_its_name_begins_with() -> None:
+    assert figure_of("fig7.mean", ["fig1", "fig7"]) == "fig7"
+    assert figure_of("fig70.mean", ["fig7"]) == ""
+
+
+def test_method_page_tells_every_verdict_and_study() -> None:
+    page = method.method_page({"one": "on 3 real recordings"}, {})
+    for meaning in method.MEANINGS.values():
+        assert meaning.replace("'", "&#39;") in page
+    assert "on 3 real recordings" in page
+
+
+def chapter(folder: Path) -> pdf.Chapter:
+    from matplotlib.figure import Figure
+
+    folder.mkdir(parents=True, exist_ok=True)
+    picture = Figure(figsize=(3, 2))
+    picture.subplots().plot([0, 1])
+    picture.savefig(folder / "fig1.pdf", metadata={"CreationDate": None})
+    line = {"name": "fig1", "title": "A line", "caption": "Of *two* #points, $x_1$", "alt": "a line"}
+    write_json(folder / "captions.json", [line])
+    frame = ledger_of({"first": FOUND["first"]})
+    plan = {
+        "title": "Odd #title [x]",
+        "worlds": 40,
+        "families": {"floor": {}},
+        "recordings": {},
+        "entries": {},
+    }
+    plan["entries"] = {"wknn": {"use": "wknn", "options": {}}}
+    paper = {**PAPERS["first"], "claims": [{"id": c, "kind": "value"} for c in frame["claim"]]}
+    return pdf.Chapter("first_study", plan, summaries()[0].table, frame, paper, folder)
+
+
+def test_the_pdf_is_one_and_the_same_and_takes_no_text_for_markup(tmp_path: Path) -> None:
+    one = chapter(tmp_path / "figures" / "first_study")
+    made = pdf.report_pdf([one], {"commit": "0abc"})
+    assert made.startswith(b"%PDF-")
+    assert made == pdf.report_pdf([one], {"commit": "0abc"})
+    assert made != pdf.report_pdf([one], {"commit": "1abc"})
+
+
+def test_a_figure_without_pdf_is_named(tmp_path: Path) -> None:
+    one = chapter(tmp_path / "figures" / "first_study")
+    (one.figures / "fig1.pdf").unlink()
+    with pytest.raises(ValueError, match=r"fig1\.pdf"):
+        pdf.report_pdf([one], {})
+
+
+def test_the_latex_ledger_has_every_claim_and_as_many_cells_as_columns() -> None:
+    frame = ledger_of(FOUND)
+    text = pdf.ledger_latex(frame, {})
+    lines = [line for line in text.splitlines() if line.startswith("\\texttt{")]
+    assert len(lines) == len(frame)
+    assert {line.replace("\\&", "").count("&") for line in lines} == {6}
+    assert "Of an ordering" in text
