@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from positioning.evaluation.claims import VERDICTS
 from positioning.files import write_json
-from positioning.presentation import front, ledger, method, pdf
+from positioning.presentation import front, ledger, method, pdf, tables
 from positioning.presentation.pages import SHARES, figure_of
 from positioning.presentation.tones import GROUPS, TONES
 
@@ -78,6 +78,8 @@ def summaries() -> list[front.Summary]:
             worlds="on 40 synthetic worlds",
             table=table,
             claims=[],
+            entries={"wknn": {"use": "wknn", "options": {}}},
+            reference="wknn",
             picture=None,
         )
         for paper in PAPERS
@@ -113,6 +115,20 @@ def test_the_front_page_links_counts_to_their_claims() -> None:
     assert "0abc" in page
     for paper in PAPERS:
         assert f'href="{paper}_study.html"' in page
+
+
+def test_the_best_row_is_named_by_recording_and_is_no_control() -> None:
+    means = {"wknn": (1.0, 2.0, 3.0), "svm": (2.0, 1.0, 2.0), "control_oracle": (0.1, 0.1, 0.1)}
+    rows = [
+        tables.Row(row, f"place {number}", 1, 9, {"mean_m": tables.Cell(mean)})
+        for row, found in means.items()
+        for number, mean in enumerate(found)
+    ]
+    entries = {row: {"use": row, "options": {}} for row in means}
+    assert (
+        front.best_rows(rows, entries, "wknn") == "The smallest mean error is that of svm on 2 and wknn on 1."
+    )
+    assert front.best_rows(rows[::3], entries, "wknn") == "The smallest mean error is that of wknn."
 
 
 def claims_html(figures: dict[str, list[str]]) -> str:

@@ -1,6 +1,7 @@
 """The front page: the verdicts at a glance, then each study's answer with the figure that stands for it."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +10,7 @@ import pandas as pd
 
 from positioning.presentation import tables
 from positioning.presentation.environment import environment
-from positioning.presentation.pages import WORLDS_NEEDED, Picture, answer, build_lines
+from positioning.presentation.pages import WORLDS_NEEDED, Picture, build_lines
 from positioning.presentation.tones import GROUPS
 
 SIDE_REM = 2.6
@@ -46,6 +47,10 @@ class Summary:
         As `tables.read_table` reads it.
     claims
         What the paper claims of this study, as ``data/papers`` has it.
+    entries
+        Settings by row.
+    reference
+        The row of reference.
     picture
         The figure that stands for it.
     """
@@ -58,6 +63,8 @@ class Summary:
     worlds: str
     table: pd.DataFrame
     claims: Sequence[Mapping[str, Any]]
+    entries: Mapping[str, Mapping[str, Any]]
+    reference: str
     picture: Picture | None
 
 
@@ -157,6 +164,34 @@ def glance(papers: Sequence[str], claims: pd.DataFrame) -> list[dict[str, Any]]:
     return lines
 
 
+def best_rows(rows: Sequence[tables.Row], entries: Mapping[str, Mapping[str, Any]], reference: str) -> str:
+    """Return which rows have the smallest mean error, over families or recordings, in one sentence.
+
+    Parameters
+    ----------
+    rows
+        Of the table.
+    entries
+        Settings by row.
+    reference
+        The row of reference; only rows of its task and its measure compete.
+    """
+    task = tables.task(entries[reference])
+    competing = [row for row in rows if tables.task(entries[row.algorithm]) == task]
+    families = list(dict.fromkeys(row.family for row in competing if row.cells))
+    best = Counter(
+        tables.best_row([row for row in competing if row.family == family], entries) for family in families
+    )
+    best.pop(None, None)
+    if not best:
+        return ""
+    if len(families) == 1:
+        return f"The smallest mean error is that of {next(iter(best))}."
+    told = [f"{row} on {count}" for row, count in best.most_common()]
+    listed = told[0] if len(told) == 1 else ", ".join(told[:-1]) + " and " + told[-1]
+    return f"The smallest mean error is that of {listed}."
+
+
 def _paper(
     key: str, paper: Mapping[str, Any], summaries: Sequence[Summary], claims: pd.DataFrame
 ) -> dict[str, Any]:
@@ -173,11 +208,14 @@ def _study(summary: Summary, claims: pd.DataFrame) -> dict[str, Any]:
     own = claims[claims["study"] == summary.study]
     rows = tables.rows_of(summary.table, own, {"claims": summary.claims})
     printed = [row for row in rows if row.cells and row.cells["mean_m"].printed]
+    said = in_short(own) if len(own) else best_rows(rows, summary.entries, summary.reference)
+    where = summary.worlds[:1].upper() + summary.worlds[1:]
+    said = (
+        f"{where}: {said[:1].lower()}{said[1:]}" if said else f"The algorithms are compared {summary.worlds}."
+    )
     return {
         "summary": summary,
-        "answer": f"{in_short(own)[:-1]}, judged {summary.worlds}."
-        if len(own)
-        else answer(own, summary.worlds),
+        "answer": said,
         "printed": [(row.algorithm, row.cells["mean_m"]) for row in printed],
         "central": tables.central(tables.most_worlds(printed)) if printed else "",
     }

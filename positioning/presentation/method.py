@@ -13,7 +13,7 @@ MEANINGS = {
     "reproduced": "The printed number lies where single experiments lie, the central 95 % over the worlds.",
     "holds": "An ordering, a ratio or a bound is met in at least 95 % of the worlds.",
     "depends": "It is met in more than 5 % and fewer than 95 % of the worlds.",
-    "undecided": "Too few worlds to say so.",
+    "undecided": "Too few worlds were made to judge the claim either way.",
     "not reproduced": "The printed number lies outside that interval; the reason tells how far.",
     "fails": "An ordering, a ratio or a bound is met in at most 5 % of the worlds.",
     "contradicts itself": "The paper's own printed numbers break the claim; the reason shows the arithmetic.",

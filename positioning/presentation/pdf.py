@@ -12,10 +12,10 @@ from typing import Any
 import pandas as pd
 
 from positioning.errors import InputError
-from positioning.evaluation.claims import VERDICTS
 from positioning.files import read_json
 from positioning.presentation import tables
-from positioning.presentation.pages import claim_line, flatten, worlds_in_words
+from positioning.presentation.front import glance, in_short, shown_groups
+from positioning.presentation.pages import answer, build_lines, claim_line, worlds_in_words
 from positioning.presentation.tones import PALETTES, TONES
 
 TEMPLATE = Path(__file__).parent / "templates" / "report.typ"
@@ -34,11 +34,11 @@ class Chapter:
     study
         Its name.
     plan
-        ``title``, ``worlds``, ``families``, ``recordings``, ``entries``, ``quick`` as on its page.
+        ``title``, ``worlds``, ``families``, ``recordings``, ``entries`` and ``quick``, as on its page.
     table, claims
         As `tables.read_table` reads them; the claims of this study alone.
     paper
-        What the paper reports: ``authors``, ``title``, ``claims``.
+        What the paper reports: ``key``, ``short``, ``authors``, ``title``, ``claims``.
     figures
         The folder of its figures.
     """
@@ -75,7 +75,7 @@ def report_pdf(chapters: Sequence[Chapter], manifest: Mapping[str, Any], seconds
     Raises
     ------
     InputError
-        Where a figure's PDF is not there, or the figures of the studies lie in no common folder.
+        Without any study, where a figure's PDF is not there, or where figures lie in no common folder.
     """
     import typst  # of 30 MB: who only reads the texts of this module does not wait for it
 
@@ -102,20 +102,29 @@ def report_data(chapters: Sequence[Chapter], manifest: Mapping[str, Any], root: 
         As in `report_pdf`.
     root
         The folder to which the paths of figures are relative.
+
+    Raises
+    ------
+    InputError
+        Without any study, or where a figure's PDF is not there.
     """
-    ledger = pd.concat([chapter.claims for chapter in chapters]) if chapters else pd.DataFrame()
-    verdicts = [verdict for verdict in VERDICTS if len(ledger) and (ledger["verdict"] == verdict).any()]
+    if not chapters:
+        raise InputError("the report", "has no study", "Name studies in the configuration")
+    ledger = pd.concat([chapter.claims for chapter in chapters])
+    papers = {str(chapter.paper["key"]): chapter.paper for chapter in chapters}
+    groups = shown_groups(ledger)
     return {
         "title": "Reposition",
         "subtitle": "Experiments of positioning papers, run again: what holds and what does not",
-        "commit": _commit(manifest),
+        "build": _commit(manifest),
         "quick": any(chapter.plan.get("quick") for chapter in chapters),
-        "answer": f"{len(ledger)} claims: {_counted(ledger)}." if len(ledger) else "No claims were judged.",
-        "verdicts": verdicts,
-        "matrix": [_matrix_line(chapter, verdicts) for chapter in chapters],
-        "tones": {v: PALETTES["light"][TONES.get(v, "plain")] for v in VERDICTS},
+        "answer": in_short(ledger),
+        "groups": [[group, len(verdicts)] for group, verdicts in groups.items()],
+        "verdicts": [verdict for verdicts in groups.values() for verdict in verdicts],
+        "matrix": [{**line, "name": papers[line["paper"]]["short"]} for line in glance(list(papers), ledger)],
+        "tones": {verdict: PALETTES["light"][tone] for verdict, tone in TONES.items()},
         "chapters": [_chapter(chapter, root) for chapter in chapters],
-        "manifest": [[name, text] for name, text in flatten(manifest)],
+        "manifest": build_lines(manifest),
     }
 
 
@@ -143,7 +152,7 @@ def ledger_latex(claims: pd.DataFrame, kinds: Mapping[str, str]) -> str:
         name = f"\\texttt{{{tables.latex(study)}}}, {len(own)} claim{'s' * (len(own) != 1)}"
         parts.append(f"\\multicolumn{{7}}{{l}}{{{name}}} \\\\*")
         for line in own:
-            told = claim_texts(line, kinds.get(str(line["claim"]), ""))
+            told = _claim(line, kinds)
             # Dots and underscores of an id are places where a narrow column may break it.
             claim = re.sub(r"(\.|\\_)", r"\1\\allowbreak{}", tables.latex(told["claim"]))
             cells = (told[name] for name in ("where", "printed", "rebuilt", "span", "worlds", "verdict"))
@@ -152,38 +161,24 @@ def ledger_latex(claims: pd.DataFrame, kinds: Mapping[str, str]) -> str:
     return "\n".join([*parts, "\\end{longtable}"]) + "\n"
 
 
-def claim_texts(line: Mapping[str, Any], kind: str) -> dict[str, str]:
-    """Return what is told of one claim: its numbers as a reader writes them, with their units.
-
-    Parameters
-    ----------
-    line
-        One line of the ledger.
-    kind
-        The claim's kind.
-    """
-    told = claim_line(line, {str(line["claim"]): kind})
-    names = ("claim", "where", "what", "printed", "rebuilt", "span", "worlds", "verdict", "reason")
-    return {name: str(told[name]) or tables.NOTHING for name in names}
-
-
 def _chapter(chapter: Chapter, root: Path) -> dict[str, Any]:
     kinds = {str(claim["id"]): str(claim["kind"]) for claim in chapter.paper.get("claims", [])}
-    plan = chapter.plan
     return {
         "study": chapter.study,
-        "title": plan["title"],
+        "title": chapter.plan["title"],
         "paper": f"{chapter.paper['authors']}: {chapter.paper['title']}",
-        "answer": f"{len(chapter.claims)} claim{'s' * (len(chapter.claims) != 1)}, judged {worlds_in_words(plan)}:"
-        f" {_counted(chapter.claims)}."
-        if len(chapter.claims)
-        else f"No claim of the paper speaks of this study; its algorithms are compared {worlds_in_words(plan)}.",
+        "answer": answer(chapter.claims, worlds_in_words(chapter.plan)),
         "tables": [vars(grid) for grid in _grids(chapter)],
         "figures": _figures(chapter.figures, root),
-        "claims": [
-            claim_texts(line, kinds.get(str(line["claim"]), "")) for line in tables.records(chapter.claims)
-        ],
+        "claims": [_claim(line, kinds) for line in tables.records(chapter.claims)],
     }
+
+
+def _claim(line: Mapping[str, Any], kinds: Mapping[str, str]) -> dict[str, str]:
+    """Return a claim as pages tell it; a dash where there is nothing."""
+    told = claim_line(line, kinds)
+    names = ("claim", "where", "what", "printed", "rebuilt", "span", "worlds", "verdict", "reason")
+    return {name: str(told[name]) or tables.NOTHING for name in names}
 
 
 def _grids(chapter: Chapter) -> Iterable[_Grid]:
@@ -209,7 +204,7 @@ def _grids(chapter: Chapter) -> Iterable[_Grid]:
                     [
                         {"text": row.algorithm, "small": "", "verdict": ""},
                         *(
-                            {"text": c.text, "small": c.printed, "verdict": c.verdict if c.printed else ""}
+                            {"text": c.text, "small": _printed(c), "verdict": c.verdict if c.printed else ""}
                             for c in cells
                         ),
                         {"text": row.cells["mean_m"].span or tables.NOTHING, "small": "", "verdict": ""},
@@ -218,10 +213,17 @@ def _grids(chapter: Chapter) -> Iterable[_Grid]:
             yield grid
 
 
+def _printed(cell: tables.Cell) -> str:
+    """Return the printed digits with the letter of their verdict, which does not depend on colours."""
+    return f"{cell.printed} {tables.MARKS.get(cell.verdict, '?')}" if cell.printed else ""
+
+
 def _caption(family: str, task: str, ran: Sequence[tables.Row], lines: Sequence[tables.Row]) -> str:
     told = f"{family}, {task.replace('_', ' ')}: position errors in metres. {tables.size_of(ran)}"
-    if any(cell.printed for row in ran for cell in row.cells.values()):
-        told += " Under a rebuilt number: what the paper prints, coloured and marked by its verdict."
+    found = {cell.verdict for row in ran for cell in row.cells.values() if cell.printed}
+    if found:
+        letters = ", ".join(f"{tables.MARKS.get(verdict, '?')} {verdict}" for verdict in sorted(found))
+        told += f" Under a rebuilt number: what the paper prints; {letters}."
     if any(row.cells["mean_m"].span for row in ran):
         told += f" Interval: {tables.central(tables.most_worlds(ran))}."
     skipped: dict[str, list[str]] = {}
@@ -252,16 +254,6 @@ def _figures(folder: Path, root: Path) -> list[dict[str, str]]:
     return figures
 
 
-def _matrix_line(chapter: Chapter, verdicts: Sequence[str]) -> dict[str, Any]:
-    found = tables.counts(chapter.claims)
-    return {
-        "study": chapter.study,
-        "title": chapter.plan["title"],
-        "total": len(chapter.claims),
-        "counts": [found.get(verdict, 0) for verdict in verdicts],
-    }
-
-
 def _ledger_caption(claims: pd.DataFrame) -> str:
     worlds = [int(number) for number in claims["worlds"] if not math.isnan(float(number)) and number]
     told = f", judged on {min(worlds)} to {max(worlds)} worlds" if worlds else ""
@@ -269,10 +261,6 @@ def _ledger_caption(claims: pd.DataFrame) -> str:
         f"All {len(claims)} claims{told}. Of an ordering, a ratio or a bound, the rebuilt number is the share"
         " of worlds in which it is so; of a number, the interval is where single experiments lie."
     )
-
-
-def _counted(claims: pd.DataFrame) -> str:
-    return ", ".join(f"{count} {verdict}" for verdict, count in tables.counts(claims).items())
 
 
 def _commit(manifest: Mapping[str, Any]) -> str:
@@ -286,4 +274,4 @@ def _common(folders: Iterable[Path]) -> Path:
         raise InputError(
             "figures of the studies", f"lie in {len(parents)} folders", "Keep them below one folder"
         )
-    return parents.pop() if parents else Path().resolve()
+    return next(iter(parents), Path()).resolve()

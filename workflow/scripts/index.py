@@ -50,6 +50,8 @@ def main(
                 worlds=worlds[study],
                 table=tables.read_table(table),
                 claims=[claim for claim in papers[values["paper"]]["claims"] if claim["study"] == study],
+                entries=values["entries"],
+                reference=values["reference"],
                 picture=pictures[0] if pictures else None,
             )
         )
