@@ -459,10 +459,10 @@ def test_constructor_parameters_without_import(tmp_path: Path) -> None:
     assert constructor_parameters(str(file), "Y") is None
 
 
-def test_a_plan_tells_what_its_controls_stand_for() -> None:
+def test_a_plan_tells_what_its_rows_stand_for() -> None:
     for study in resolve(shipped()).values():
         for name, entry in study.describe()["entries"].items():
-            assert bool(entry.get("meaning", "")) == study.entries[name].is_control
+            assert bool(entry.get("meaning", "")) == (study.entries[name].source is not None), name
     entries = resolve(shipped())["riss_wifi"].describe()["entries"]
     assert entries["control_calibrated_riss"]["meaning"].startswith(
         "The mechanisation for somebody who knows"
@@ -509,6 +509,14 @@ WRONG_CLAIMS = [
 
 @pytest.mark.parametrize("claim", WRONG_CLAIMS)
 def test_a_claim_without_what_its_kind_needs_is_refused(claim: dict[str, Any]) -> None:
-    paper = {"key": "p", "authors": "a", "title": "t", "settings": {}, "readings": {}, "claims": [claim]}
+    paper = {
+        "key": "p",
+        "short": "P",
+        "authors": "a",
+        "title": "t",
+        "settings": {},
+        "readings": {},
+        "claims": [claim],
+    }
     with pytest.raises(InputError, match=r"paper\.claims\.0"):
         check_schema(paper, ROOT / "workflow/schemas/paper.schema.yaml", "paper")

@@ -19,6 +19,7 @@ from positioning.evaluation.claims import VERDICTS, judge
 from positioning.evaluation.results import StudyResults, read_row_errors
 from positioning.files import read_yaml, write_errors, write_json, write_tree
 from positioning.presentation import figures, pages, recorded, tables
+from positioning.presentation.claim_lines import claim_line
 from positioning.presentation.style import KNOWN, contrast, difference, drawing, stroke, strokes
 from positioning.presentation.svg import inline_svg
 from positioning.presentation.tones import PALETTES, TONES
@@ -237,7 +238,15 @@ def built(tmp_path_factory):
     }
     steps |= {"printed": "3.00", "reached": 3.0003, "worlds": 20, "first_seed": 900, "settings_tried": 7}
     write_json(folder / "calibration.json", [steps])
-    write_json(folder / "manifest.json", {"commit": "0abc", "dirty": True, "versions": {"numpy": "2.4"}})
+    write_json(
+        folder / "manifest.json",
+        {
+            "commit": "0abc",
+            "dirty": True,
+            "packages": {"numpy": "2.4"},
+            "seconds_by_rule": {"simulate": 1.5, "run": 12.0},
+        },
+    )
     plan = {
         "title": "Invented & <odd>",
         "paper": "invented",
@@ -354,12 +363,13 @@ def test_answer_counts_the_verdicts(built):
 
 def test_study_page_tells_setting_calibration_skips_and_build(built):
     told = Page(built[f"{STUDY}.html"]).text
-    assert "did not run: kernel <too> large & slow" in told
+    assert "No errors: svm (kernel <too> large & slow)." in told
     assert "noise_db = 4.321 was set so that mean_m of wknn is the printed 3.00" in told
     assert "4.321 (calibrated)" in told
     assert "after 7 values tried" in told
     assert "0abc" in told
-    assert "versions.numpy 2.4" in told
+    assert "numpy = 2.4" in told
+    assert "run 12 s simulate 1.5 s" in told
     assert "250 ms" in told
 
 
@@ -566,7 +576,7 @@ def test_metres_counts_and_run_times_have_readable_digits():
         *("1.2 ms", "50 ms", "250 ms", "900 ms", "2.3 s", "12 s", "130 s")
     ]
     line = {"claim": "a", "printed": "31", "unit": "iterations", "worlds": 40}
-    told = pages.claim_line({**line, "rebuilt": 30.6, "low": 20.2, "high": 41.7}, {"a": "value"})
+    told = claim_line({**line, "rebuilt": 30.6, "low": 20.2, "high": 41.7}, {"a": "value"})
     assert (told["rebuilt"], told["span"]) == ("31", "20 to 42")
 
 

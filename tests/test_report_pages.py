@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from positioning.evaluation.claims import VERDICTS
 from positioning.files import write_json
 from positioning.presentation import front, ledger, method, pdf, tables
-from positioning.presentation.pages import SHARES, figure_of
+from positioning.presentation.claim_lines import SHARES, WIDTH, drawn, figure_of
 from positioning.presentation.tones import GROUPS, TONES
 
 PAPERS = {
@@ -165,24 +165,24 @@ def test_drawings_are_to_scale(values: list[float], kind: str) -> None:
     low, rebuilt, high = sorted(values[:3])
     printed = f"{Decimal(repr(values[3])):f}"
     line = {"rebuilt": rebuilt, "low": low, "high": high, "printed": printed}
-    found = places(ledger.drawn(line, kind))
+    found = places(drawn(line, kind))
     numbers = {**line, "printed": float(printed)}
     least, most = min(0.0, *numbers.values()), max(0.0, *numbers.values())
     for name, place in found.items():
         share = (numbers[name] - least) / ((most - least) or 1.0)
-        assert place == pytest.approx(7 + share * (ledger.WIDTH - 14), abs=0.06)
+        assert place == pytest.approx(7 + share * (WIDTH - 14), abs=0.06)
     assert found.keys() == {"rebuilt", "low", "high", "printed"}
 
 
 @pytest.mark.parametrize("kind", SHARES)
 def test_shares_stand_on_a_scale_of_their_own_without_what_is_printed(kind: str) -> None:
-    found = places(ledger.drawn({"rebuilt": 0.5, "low": 0.25, "high": 0.75, "printed": "7"}, kind))
+    found = places(drawn({"rebuilt": 0.5, "low": 0.25, "high": 0.75, "printed": "7"}, kind))
     assert found == {"rebuilt": 65.0, "low": 36.0, "high": 94.0}
 
 
 def test_nothing_is_drawn_where_nothing_was_measured() -> None:
     nothing = {"rebuilt": math.nan, "low": math.nan, "high": math.nan, "printed": "3.0"}
-    assert ledger.drawn(nothing, "words") == ""
+    assert drawn(nothing, "words") == ""
 
 
 def test_a_claim_belongs_to_the_figure_that_its_name_begins_with() -> None:

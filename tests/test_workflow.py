@@ -44,7 +44,9 @@ OUTCOMES = {
     "compare all verdicts with the accepted ones",
     "write down what the numbers came from",
     "fingerprint_loo: write down what the numbers came from",
-    "write the front page",
+    "write front page, claims and method",
+    "put all algorithms of a task beside each other",
+    "set the whole report as a PDF",
     "all is there: reports/index.html",
 }
 

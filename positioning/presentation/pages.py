@@ -1,7 +1,7 @@
 """Pages for readers: one of each study, and the front page. Each is one file that needs no other."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from markupsafe import Markup
 from positioning.errors import InputError
 from positioning.files import read_json
 from positioning.presentation import tables
+from positioning.presentation.claim_lines import told
 from positioning.presentation.environment import as_text, environment
 from positioning.presentation.svg import inline_svg
 from positioning.presentation.tables import Row
@@ -20,9 +21,6 @@ from positioning.simulation.settings import calibrated_settings
 
 WORLDS_NEEDED = 39
 """Fewer worlds than this cannot promise a 95 % interval of single experiments."""
-
-SHARES = ("ordering", "smallest", "ratio", "bound")
-"""Kinds of claims that worlds meet or do not: what is rebuilt is the share of them."""
 
 PREDICATES = {
     "exact": ("is rebuilt to the last digit", "are rebuilt to the last digit"),
@@ -150,13 +148,19 @@ def study_page(report: Report) -> str:
             families=[_family(name, rows, report) for name in tables.families(report.table)],
             calibration=report.calibration,
             pictures=report.pictures,
-            claims=[claim_line(line, kinds) for line in tables.records(report.claims)],
+            claims=told(
+                tables.records(report.claims),
+                kinds,
+                {report.study: [picture.name for picture in report.pictures]},
+            ),
             settings=_settings(report),
             readings=report.paper.get("readings", {}).get(report.study, []),
             entries=[_entry(name, value) for name, value in report.plan["entries"].items()],
             printed_in_table=any(cell.printed for row in rows for cell in row.cells.values()),
             tasks=list(dict.fromkeys(tables.task(value) for value in report.plan["entries"].values())),
-            manifest=flatten(report.manifest),
+            differing=differing(report.plan["families"]),
+            seconds=_seconds_by_rule(report.manifest),
+            build=build_lines(report.manifest),
             sources=_sources(report),
             sweeps=_sweeps(report.plan["sweeps"]),
             worlds=worlds_in_words(report.plan),
@@ -192,20 +196,6 @@ def worlds_in_words(plan: Mapping[str, Any]) -> str:
     return worlds + (f" of {families} families each" if families > 1 else "")
 
 
-def figure_of(claim: str, figures: Iterable[str]) -> str:
-    """Return which of a page's figures shows a claim, by the part of its name before the first dot, or "".
-
-    Parameters
-    ----------
-    claim
-        The claim's name.
-    figures
-        Names of the figures.
-    """
-    part = claim.partition(".")[0]
-    return part if part in figures else ""
-
-
 def build_lines(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return what the numbers came from, as pairs of a name and a text.
 
@@ -226,6 +216,21 @@ def build_lines(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
         ),
     ]
     return [(name, text) for name, text in told if text]
+
+
+def differing(families: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """Return in words in which settings each family of worlds but the first differs from the first.
+
+    Parameters
+    ----------
+    families
+        Settings by family.
+    """
+    first, *others = families or [""]
+    return {
+        family: as_text({name: x for name, x in families[family].items() if families[first].get(name) != x})
+        for family in others
+    }
 
 
 def flatten(value: Any, name: str = "") -> list[tuple[str, str]]:
@@ -261,9 +266,14 @@ def _family(name: str, rows: Sequence[Row], report: Report) -> dict[str, Any]:
 
 
 def _task_table(task: str, rows: Sequence[Row]) -> dict[str, Any]:
+    silent: dict[str, list[str]] = {}
+    for row in rows:
+        if row.note:
+            silent.setdefault(row.note.rstrip("."), []).append(row.algorithm)
     return {
         "task": task,
-        "rows": rows,
+        "rows": [row for row in rows if not row.note],
+        "silent": silent,
         "differ": len({row.samples for row in rows if row.cells}) > 1,
         "size": tables.size_of(rows),
         "central": tables.central(tables.most_worlds(rows)),
@@ -280,11 +290,18 @@ def _paired(frame: pd.DataFrame, family: str, against: str) -> list[dict[str, An
             "share": f"{100 * line['share_smaller']:.0f} %",
             "n": int(line["n"]),
             "unit": line["unit"] + "s",
-            "outcome": "smaller" if line["high_m"] < 0 else "larger" if line["low_m"] > 0 else "open",
+            "outcome": _outcome(line["low_m"], line["high_m"]),
         }
         for line in tables.records(own)
         if line["n"] > 1
     ]
+
+
+def _outcome(low_m: float, high_m: float) -> str:
+    """Return which way an interval decides; an end that is printed as zero decides nothing."""
+    if float(tables.metres(high_m).replace("\N{MINUS SIGN}", "-")) < 0:
+        return "smaller"
+    return "larger" if float(tables.metres(low_m).replace("\N{MINUS SIGN}", "-")) > 0 else "open"
 
 
 def _times(report: Report, family: str, rows: Sequence[Row]) -> list[dict[str, Any]]:
@@ -297,38 +314,16 @@ def _times(report: Report, family: str, rows: Sequence[Row]) -> list[dict[str, A
     ]
 
 
+def _seconds_by_rule(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return how long each rule's jobs took in all, longest first."""
+    seconds = {rule: float(used) for rule, used in manifest.get("seconds_by_rule", {}).items()}
+    return [(rule, _seconds(used)) for rule, used in sorted(seconds.items(), key=lambda item: -item[1])]
+
+
 def _seconds(seconds: float) -> str:
     if seconds < 1:
         return f"{1000 * seconds:.2g} ms" if seconds < 0.0995 else f"{1000 * seconds:.0f} ms"
     return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
-
-
-def claim_line(line: Mapping[str, Any], kinds: Mapping[str, str]) -> dict[str, Any]:
-    """Return a claim as its table shows it; ``kinds`` by claim.
-
-    Parameters
-    ----------
-    line
-        A line of the ledger.
-    kinds
-        Kind by claim.
-    """
-    printed, kind = str(line["printed"]), kinds.get(str(line["claim"]), "")
-    share = kind in SHARES
-    rebuilt, low, high = (float(line[name]) for name in ("rebuilt", "low", "high"))
-    least = 0 if line["unit"] in tables.COUNTS else 2
-    return {
-        **line,
-        "kind": kind,
-        "printed": f"{printed} {line['unit']}".strip() if printed else "",
-        "rebuilt": f"{100 * rebuilt:.0f} % of worlds"
-        if share and rebuilt == rebuilt
-        else tables.decimals(rebuilt, printed, least),
-        "span": f"{100 * low:.0f} to {100 * high:.0f} %"
-        if share and low == low
-        else tables.span(low, high, printed, least),
-        "worlds": tables.worlds_text(line["worlds"]),
-    }
 
 
 def _settings(report: Report) -> dict[str, list[dict[str, Any]]]:

@@ -14,8 +14,9 @@ import pandas as pd
 from positioning.errors import InputError
 from positioning.files import read_json
 from positioning.presentation import tables
+from positioning.presentation.claim_lines import claim_line
 from positioning.presentation.front import glance, in_short, shown_groups
-from positioning.presentation.pages import answer, build_lines, claim_line, worlds_in_words
+from positioning.presentation.pages import answer, build_lines, worlds_in_words
 from positioning.presentation.tones import PALETTES, TONES
 
 TEMPLATE = Path(__file__).parent / "templates" / "report.typ"

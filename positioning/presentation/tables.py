@@ -436,4 +436,7 @@ def latex(text: str) -> str:
     special = {letter: f"\\{letter}" for letter in "&%$#_{}"}
     special |= {"\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}"}
     special |= {"<": "\\textless{}", ">": "\\textgreater{}", "\N{MINUS SIGN}": "$-$", NOTHING: "--"}
+    special |= {"±": "$\\pm$", "·": "$\\cdot$", "√": "$\\surd$", "°": "$^\\circ$", "²": "$^2$"}
+    special |= {"\N{MULTIPLICATION SIGN}": "$\\times$", "\N{GREEK SMALL LETTER SIGMA}": "$\\sigma$"}
+    special |= {"\N{NARROW NO-BREAK SPACE}": "\\,"}
     return "".join(special.get(letter, letter) for letter in text)

@@ -62,8 +62,8 @@ class Entry:
         return [*([self.source] if self.source else []), *dict.fromkeys(parts)]
 
     def describe(self) -> dict[str, Any]:
-        """Return its settings; for a control also what it stands for, the first line of its class."""
-        if self.source is None or not self.is_control:
+        """Return its settings, and what it stands for: the first line of its class, where that is ours."""
+        if self.source is None:
             return self.settings()
         return {**self.settings(), "meaning": first_line(self.source, class_name(self.use))}
 
