@@ -11,6 +11,7 @@ from planning.config import resolve
 from planning.recordings import drop_absent, files_of
 from positioning.errors import InputError
 from positioning.files import read_yaml
+from positioning.presentation.captions import Captions, label
 from snakemake.exceptions import WorkflowError
 
 # Snakemake hands the interpreter's path to a shell without quotes (its issue 2645).
@@ -57,6 +58,19 @@ def extra_measures(study):
 
 def study_of(wildcards):
     return STUDIES[wildcards.study]
+
+
+def title_of(wildcards):
+    """The heading of a study in the provenance report."""
+    return label(study_of(wildcards).title)
+
+
+def figure_labels(wildcards):
+    """Title and file of a figure in the provenance report; figures of no study compare all of them."""
+    study = wildcards.get("study")
+    folder = f"{RESULTS}/figures/{study}" if study else f"{RESULTS}/comparison"
+    title = Captions(folder).title(wildcards.figure)
+    return {"title": label(title), "file": f"{wildcards.figure}.svg"}
 
 
 def row_of(wildcards):

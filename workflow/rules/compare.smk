@@ -9,8 +9,20 @@ rule compare:
         extra=lambda w: extra_measures(w.study),
         code=code("workflow/scripts/compare.py"),
     output:
-        table=f"{RESULTS}/tables/{{study}}.csv",
-        paired=f"{RESULTS}/tables/{{study}}_paired.csv",
+        table=report(
+            f"{RESULTS}/tables/{{study}}.csv",
+            caption="../report/table.rst",
+            category=title_of,
+            subcategory="tables",
+            labels={"title": "Errors of all rows", "file": "{study}.csv"},
+        ),
+        paired=report(
+            f"{RESULTS}/tables/{{study}}_paired.csv",
+            caption="../report/paired.rst",
+            category=title_of,
+            subcategory="tables",
+            labels={"title": "Paired differences", "file": "{study}_paired.csv"},
+        ),
         times=f"{RESULTS}/tables/{{study}}_times.csv",
         measures=f"{RESULTS}/measures/{{study}}.parquet",
     log:
@@ -39,7 +51,13 @@ rule claims:
         paper=lambda w: f"data/papers/{study_of(w).paper}.yaml",
         code=code("workflow/scripts/claims.py"),
     output:
-        f"{RESULTS}/claims/{{study}}.csv",
+        report(
+            f"{RESULTS}/claims/{{study}}.csv",
+            caption="../report/claims.rst",
+            category=title_of,
+            subcategory="claims",
+            labels={"title": "Claims and verdicts", "file": "{study}.csv"},
+        ),
     log:
         f"{RESULTS}/logs/claims/{{study}}.log",
     benchmark:
@@ -76,8 +94,9 @@ rule figures:
             directory(f"{RESULTS}/figures/{{study}}"),
             patterns=["{figure}.svg"],
             caption="../report/figure.rst",
-            category="{study}",
-            labels={"figure": "{figure}"},
+            category=title_of,
+            subcategory="figures",
+            labels=figure_labels,
         ),
     log:
         f"{RESULTS}/logs/figures/{{study}}.log",
@@ -90,6 +109,7 @@ rule figures:
         sweeps=lambda w: {
             name: row.settings()["over"] for name, row in study_of(w).sweeps.items()
         },
+        captions=lambda w: Captions(f"{RESULTS}/figures/{w.study}"),
     message:
         "{wildcards.study}: draw the figures"
     script:

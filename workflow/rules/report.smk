@@ -1,12 +1,20 @@
 # For people: one page a study, the front page, the ledger of claims, and what the numbers came from.
 
 
+report: "../report/workflow.rst"
+
+
 rule ledger:
     input:
         claims=expand(f"{RESULTS}/claims/{{study}}.csv", study=STUDIES),
         code=code("workflow/scripts/ledger.py"),
     output:
-        f"{RESULTS}/claims.csv",
+        report(
+            f"{RESULTS}/claims.csv",
+            caption="../report/ledger.rst",
+            category="All studies",
+            labels={"title": "All claims and verdicts", "file": "claims.csv"},
+        ),
     log:
         f"{RESULTS}/logs/ledger.log",
     benchmark:
@@ -127,9 +135,10 @@ rule index:
         code=code("workflow/scripts/index.py"),
     output:
         html=f"{REPORTS}/index.html",
-        claims=f"{REPORTS}/claims.csv",
+        claims=f"{REPORTS}/claims.html",
+        method=f"{REPORTS}/method.html",
+        csv=f"{REPORTS}/claims.csv",
         markdown=f"{REPORTS}/claims.md",
-        summary=f"{REPORTS}/summary.md",
     log:
         f"{RESULTS}/logs/index.log",
     benchmark:
@@ -142,7 +151,7 @@ rule index:
             for name, study in STUDIES.items()
         },
     message:
-        "write the front page"
+        "write front page, claims and method"
     script:
         "../scripts/index.py"
 
@@ -162,9 +171,10 @@ rule comparison:
         folder=report(
             directory(f"{RESULTS}/comparison"),
             patterns=["{figure}.svg"],
-            caption="../report/comparison.rst",
-            category="comparison",
-            labels={"figure": "{figure}"},
+            caption="../report/figure.rst",
+            category="Comparison of all algorithms",
+            subcategory="figures",
+            labels=figure_labels,
         ),
     log:
         f"{RESULTS}/logs/comparison.log",
@@ -177,7 +187,42 @@ rule comparison:
             name: study.describe() | {"quick": QUICK}
             for name, study in STUDIES.items()
         },
+        captions=Captions(f"{RESULTS}/comparison"),
     message:
         "put all algorithms of a task beside each other"
     script:
         "../scripts/comparison.py"
+
+
+rule pdf:
+    input:
+        claims=f"{RESULTS}/claims.csv",
+        tables=expand(f"{RESULTS}/tables/{{study}}.csv", study=STUDIES),
+        figures=expand(f"{RESULTS}/figures/{{study}}", study=STUDIES),
+        papers=sorted({f"data/papers/{study.paper}.yaml" for study in STUDIES.values()}),
+        manifest=f"{RESULTS}/manifest.json",
+        templates=TEMPLATES,
+        code=code("workflow/scripts/pdf.py"),
+    output:
+        pdf=report(
+            f"{REPORTS}/reposition.pdf",
+            caption="../report/pdf.rst",
+            category="All studies",
+            labels={"title": "The whole report", "file": "reposition.pdf"},
+        ),
+        latex=f"{RESULTS}/tables/claims.tex",
+    log:
+        f"{RESULTS}/logs/pdf.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/pdf/pdf.tsv"
+    conda:
+        ENVIRONMENT
+    params:
+        plan={
+            name: study.describe() | {"quick": QUICK}
+            for name, study in STUDIES.items()
+        },
+    message:
+        "set the whole report as a PDF"
+    script:
+        "../scripts/pdf.py"
