@@ -180,7 +180,7 @@ _SETTINGS: dict[Any, Any] = {
     "lines.markersize": 5.5,
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
-    # Points that lie this near a line, in points, are left out of it; thinner than any line drawn.
+    # Points no farther from a line than this, in 1/72 inch, are left out of it: no line is thinner.
     "path.simplify_threshold": 0.4,
     "svg.fonttype": "path",
     "svg.hashsalt": "reposition",

@@ -244,10 +244,23 @@ def metres(value: float) -> str:
 
 
 def span(low: float, high: float, printed: str = "", least: int = 2) -> str:
-    """Return an interval in words, empty where there is none; digits as those of `decimals`."""
+    """Return an interval in words, empty where there is none.
+
+    Its ends have the decimals of `decimals`, but no more than three digits that count, or as many as the
+    printed number has; whole numbers stay whole.
+    """
     if math.isnan(low) or math.isnan(high):
         return ""
-    return f"{decimals(low, printed, least)} to {decimals(high, printed, least)}"
+    most = max(3, len(Decimal(printed).as_tuple().digits) if printed else 0)
+    return " to ".join(_end(value, printed, least, most) for value in (low, high))
+
+
+def _end(value: float, printed: str, least: int, most: int) -> str:
+    shown = decimals(value, printed, least)
+    before = len(shown.partition(".")[0].lstrip("\N{MINUS SIGN}").lstrip("0"))
+    after = len(shown.partition(".")[2])
+    too_many = before + after - most if before else 0
+    return shown if too_many <= 0 else f"{value:.{max(0, after - too_many)}f}".replace("-", "\N{MINUS SIGN}")
 
 
 def central(worlds: int) -> str:
