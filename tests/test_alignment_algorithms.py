@@ -15,7 +15,7 @@ from algorithms.alignment.ransac_alignment import RansacAlignment
 from positioning.errors import InputError
 from positioning.geometry import rigid_fit, rotated
 from positioning.model import Truth, Walks
-from positioning.posegraph.optimiser import NearCost, optimise
+from positioning.posegraph.optimiser import FRAMES, Frame, NearCost, optimise
 from positioning.walk_alignment import motion_graph, moved, place_walks, poses_of, wifi_pairs
 
 CLASSES = (GraphSlam, RansacAlignment, AlignedGraphSlam, GtsamGraphSlam, ControlTrueNeighbours)
@@ -130,19 +130,35 @@ def test_without_wifi_edges_nothing_moves() -> None:
     assert not aligned.extra["edges"].any()
 
 
-def test_the_minimum_is_that_of_the_graph_by_hand() -> None:
+@pytest.mark.parametrize("frame", FRAMES)
+def test_the_minimum_is_that_of_the_graph_by_hand(frame: Frame) -> None:
     walks, _ = world(2, drift_rad=0.02, noise_db=1.0)
     poses = poses_of(walks)
     near_from, near_to = wifi_pairs(poses, window=10, exclude_s=30.0, exclude_m=2.0)
     graph = replace(motion_graph(poses), near_from=near_from, near_to=near_to)
     # Eq. 5 sums over both orders of a pair.
-    found = optimise(graph.tied(), near=NearCost(weight=0.02), iterations=50)
-    aligned = GraphSlam(wifi_weight=0.01).align(walks, rng())
+    found = optimise(graph.tied(), near=NearCost(weight=0.02), frame=frame, iterations=50)
+    aligned = GraphSlam(wifi_weight=0.01, frame=frame).align(walks, rng())
     turn = aligned.heading_rad[0, 0] - found.pose[0, 2]
     expected = rotated(found.pose[:, :2] - found.pose[0, :2], turn)
     np.testing.assert_allclose(aligned.position_m.reshape(-1, 2), expected, atol=1e-9)
     np.testing.assert_allclose(aligned.extra["cost"], found.cost)
     assert aligned.extra["edges"].sum() == 2 * len(near_from)
+
+
+def test_the_first_pose_is_held_as_printed_and_free_for_walks_that_are_aligned() -> None:
+    walks, _ = world(5, drift_rad=0.05, noise_db=1.0)
+    start, held, free = (
+        make.align(walks, rng())
+        for make in (RansacAlignment(), AlignedGraphSlam(frame="held"), AlignedGraphSlam())
+    )
+    assert (GraphSlam().frame, AlignedGraphSlam().frame) == ("held", "free")
+    np.testing.assert_allclose(free.extra["cost"], held.extra["cost"], rtol=1e-3)
+    assert (free.extra["iterations"] != held.extra["iterations"]).all()
+    assert np.abs(free.position_m - start.position_m).max() > 1
+    for make in (GraphSlam, AlignedGraphSlam):
+        with pytest.raises(InputError, match=r"frame='loose'.*held, free"):
+            make(frame="loose").align(walks, rng())
 
 
 # Invariance

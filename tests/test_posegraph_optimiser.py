@@ -18,8 +18,10 @@ from positioning.posegraph.g2o import read
 from positioning.posegraph.graph import PoseGraph
 from positioning.posegraph.optimiser import (
     COSTS,
+    FRAMES,
     LOSSES,
     Cost,
+    Frame,
     Loss,
     NearCost,
     Optimised,
@@ -27,6 +29,7 @@ from positioning.posegraph.optimiser import (
     cost,
     optimise,
 )
+from positioning.posegraph.preconditioner import _knots, number_of_knots
 from positioning.posegraph.residuals import (
     MOTION_INFORMATION,
     motion_residual,
@@ -196,7 +199,8 @@ def difference_gradient(problem: _Problem, pose: Array, width: float = 1e-5) -> 
     return np.asarray((there - back) / (2 * width))
 
 
-@settings(max_examples=10, deadline=None)
+# The same examples each time: one in some five hundred creeps on beyond these iterations, with either loss.
+@settings(max_examples=20, deadline=None, derandomize=True)
 @given(st.integers(0, 1000), st.sampled_from(COSTS), st.sampled_from([None, *LOSSES]))
 def test_the_gradient_is_the_slope_of_the_cost_and_vanishes_where_it_stops(
     seed: int, kind: Cost, loss: Loss | None
@@ -210,10 +214,10 @@ def test_the_gradient_is_the_slope_of_the_cost_and_vanishes_where_it_stops(
     np.testing.assert_allclose(difference_gradient(problem, graph.pose), gradient, atol=1e-5 * size)
     found = optimise(graph, near=near, loop_loss=loss, loop_scale=0.2, tolerance=EXACT, iterations=1000)
     assert found.cost <= found.cost_start * (1 + 1e-9) + 1e-9
-    if found.converged:
-        gradient, _ = problem.normal_equations(found.pose)
-        assert np.abs(gradient).max() < 1e-4 * size
-        assert np.abs(difference_gradient(problem, found.pose)).max() < 1e-4 * size
+    assert found.converged
+    gradient, _ = problem.normal_equations(found.pose)
+    assert np.abs(gradient).max() < 1e-4 * size
+    assert np.abs(difference_gradient(problem, found.pose)).max() < 1e-4 * size
 
 
 def long_walks() -> tuple[PoseGraph, NearCost]:
@@ -266,9 +270,154 @@ def test_iterations_that_fail_leave_it_to_a_factor(monkeypatch: pytest.MonkeyPat
     assert problem.pattern._near_inverse is not None
     gradient, hessian = problem.normal_equations(graph.pose)
     expected, _ = problem.step(graph.pose, gradient, hessian, 1e-3)
+    calls = []
+    for name in ("splu", "_conjugate_gradients"):
+        called = getattr(optimiser, name)
+        monkeypatch.setattr(
+            optimiser, name, lambda *a, _of=called, _name=name, **k: calls.append(_name) or _of(*a, **k)
+        )
+    iterated, _ = problem.step(graph.pose, gradient, hessian, 1e-3)
+    assert calls == ["_conjugate_gradients"]
+    np.testing.assert_array_equal(iterated, expected)
     monkeypatch.setattr(optimiser, "_CG_ITERATIONS", 1)
-    step, _ = problem.step(graph.pose, gradient, hessian, 1e-3)
-    assert np.linalg.norm(step - expected) < 0.01 * np.linalg.norm(expected)
+    factored = []
+    # With the coarse problem of before and then with one of its own; with the latter alone.
+    for tries in (2, 1):
+        calls.clear()
+        factored.append(problem.step(graph.pose, gradient, hessian, 1e-3)[0])
+        assert calls == tries * ["_conjugate_gradients"] + ["splu"]
+    assert np.linalg.norm(factored[0] - expected) < 0.01 * np.linalg.norm(expected)
+    np.testing.assert_array_equal(factored[0], factored[1])
+
+
+def test_a_graph_with_many_knots_is_left_to_a_factor() -> None:
+    graph, near = long_walks()
+    place = np.random.default_rng(0).permutation(len(graph.pose))
+    ends = ("motion_from", "motion_to", "near_from", "near_to")
+    mixed = replace(
+        graph,
+        pose=graph.pose[np.argsort(place)],
+        fixed=graph.fixed[np.argsort(place)],
+        **{name: place[getattr(graph, name)] for name in ends},
+    )
+    # No pose follows upon the one before: each would be a knot of a dense problem.
+    assert _Problem(mixed, near, None, 1.0).pattern._near_inverse is None
+    assert _Problem(graph, near, None, 1.0).pattern._near_inverse is not None
+    found = optimise(mixed, near=near, tolerance=1e-10)
+    assert found.cost == pytest.approx(optimise(graph, near=near, tolerance=1e-10).cost, rel=1e-7)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.03, 0.5, 1.0])
+def test_knots_are_counted_as_they_are_made(share: float) -> None:
+    for size in (0, 1, 19, 20, 21, 40, 400):
+        joined = np.random.default_rng(size).random(size) >= share
+        assert number_of_knots(joined) == len(_knots(joined)[3])
+
+
+def test_a_held_frame_stays_while_the_search_goes_on() -> None:
+    graph, near = walks(1), NearCost(weight=1.0, d_max_m=100.0)
+    problem = _Problem(graph, near, None, 1.0)
+    assert not np.isin(np.flatnonzero(graph.fixed), problem.free).any()
+    step, _ = problem.step(graph.pose, *problem.normal_equations(graph.pose), optimiser._FIRST_DAMPING)
+    held = optimise(graph, near=near, frame="held", iterations=1)
+    np.testing.assert_array_equal(held.pose, problem.moved(graph.pose, step))
+    free = optimise(graph, near=near, frame="free", iterations=1)
+    assert np.abs(free.pose - held.pose).max() > 1e-6
+    settled = [optimise(graph, near=near, frame=frame, tolerance=EXACT, iterations=500) for frame in FRAMES]
+    assert settled[0].cost == pytest.approx(settled[1].cost, rel=1e-9)
+    np.testing.assert_allclose(settled[0].pose[:, :2], settled[1].pose[:, :2], atol=1e-3)
+    with pytest.raises(InputError, match="frame='loose'"):
+        optimise(graph, near=near, frame="loose")  # type: ignore[arg-type]
+
+
+def joined(*graphs: PoseGraph) -> PoseGraph:
+    """Return one graph whose parts know nothing of each other."""
+    before = np.cumsum([0, *(len(graph.pose) for graph in graphs)])
+    moved = ("motion_from", "motion_to", "near_from", "near_to")
+    arrays = {
+        name: np.concatenate([getattr(graph, name) + at for graph, at in zip(graphs, before, strict=False)])
+        for name in moved
+    }
+    kept = ("pose", "fixed", "motion", "motion_information", "near_weight")
+    arrays |= {name: np.concatenate([getattr(graph, name) for graph in graphs]) for name in kept}
+    return PoseGraph(**arrays)
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_each_part_has_a_frame_of_its_own(frame: Frame) -> None:
+    near = NearCost(weight=1.0, d_max_m=100.0)
+    place = np.arange(len(walks(1).pose))
+    # Told by the first pose, by one in the middle, and held by two, which never are free.
+    parts = [
+        replace(walks(seed), fixed=np.isin(place, fixed)) for seed, fixed in ((1, [0]), (2, [8]), (3, [2, 9]))
+    ]
+    both = joined(*parts)
+    found = optimise(both, near=near, frame=frame, tolerance=EXACT, iterations=500)
+    np.testing.assert_array_equal(found.pose[both.fixed], both.pose[both.fixed])
+    alone = [optimise(part, near=near, tolerance=EXACT, iterations=500) for part in parts]
+    assert found.cost == pytest.approx(sum(one.cost for one in alone), rel=1e-8)
+    expected = np.concatenate([one.pose for one in alone])
+    np.testing.assert_allclose(found.pose[:, :2], expected[:, :2], atol=1e-3)
+    assert np.abs(found.pose - both.pose).max() > 0.1
+
+
+def three_lines(third_m: Array, near_weight: Array | None = None) -> tuple[PoseGraph, NearCost]:
+    """Return `two_lines` 25 m apart and a third walk, with edges from the second to the third."""
+    graph, near = two_lines(1.0, 25.0)
+    count = 40
+    third = graph.pose[:count] + np.append(third_m, 0.0)
+    new = np.arange(count) + 2 * count
+    return (
+        replace(
+            graph,
+            pose=np.concatenate([graph.pose, third]),
+            fixed=np.append(graph.fixed, np.zeros(count, bool)),
+            motion_from=np.append(graph.motion_from, new[:-1]),
+            motion_to=np.append(graph.motion_to, new[1:]),
+            motion=np.concatenate([graph.motion, graph.motion[: count - 1]]),
+            motion_information=np.tile(MOTION_INFORMATION, (3 * (count - 1), 1, 1)),
+            near_from=np.append(graph.near_from, new - count),
+            near_to=np.append(graph.near_to, new),
+            near_weight=near_weight,
+        ),
+        near,
+    )
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+@pytest.mark.parametrize(
+    ("third_m", "weight"), [([400.0, -300.0], 1.0), ([0.0, 10.0], 0.0)], ids=["far", "without weight"]
+)
+def test_a_walk_that_hangs_by_flat_edges_keeps_its_place(
+    frame: Frame, third_m: list[float], weight: float
+) -> None:
+    graph, near = three_lines(np.array(third_m), np.repeat([1.0, weight], 40))
+    # The first walk is bent, so that its first pose turns where the others go.
+    motion = graph.motion.copy()
+    motion[:39, 2] += 0.01
+    graph = replace(graph, motion=motion)
+    found = optimise(graph, near=near, frame=frame)
+    assert found.converged
+    np.testing.assert_allclose(found.pose[80:], graph.pose[80:], atol=1e-6)
+    np.testing.assert_array_equal(found.pose[0], graph.pose[0])
+    assert np.abs(found.pose[40:80, 1] - graph.pose[40:80, 1]).max() > 10
+    assert found.cost == pytest.approx(sum(cost(replace(graph, pose=found.pose), near=near)), rel=1e-9)
+
+
+def test_a_walk_within_reach_once_the_first_pose_is_back_is_found() -> None:
+    # With a free frame the first two walks meet half way, 33 m from the third: flat. Put back, 22 m are left.
+    graph, near = three_lines(np.array([0.0, -20.0]))
+    whole, free = optimiser._Problem(graph, near, None, 1.0), optimiser._with_free_frames(graph)
+    problem = optimiser._Problem(free, near, None, 1.0)
+    half_way = optimiser._search(problem, graph.pose, whole.cost(graph.pose), 100, 1e-6)[0]
+    assert np.linalg.norm((half_way[40:80] - half_way[80:])[:, :2], axis=-1).min() > near.d_max_m
+    for frame in FRAMES:
+        found = optimise(graph, near=near, frame=frame)
+        assert found.converged
+        assert found.cost < 1e-3 * found.cost_start
+        np.testing.assert_array_equal(found.pose[0], graph.pose[0])
+    few = optimise(graph, near=near, iterations=optimise(graph, near=near).iterations - 1)
+    assert few.reason == "iterations"
 
 
 @pytest.mark.parametrize("held", [0, 7, 17])

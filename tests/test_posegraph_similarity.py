@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from positioning.errors import InputError
 from positioning.model import Array
+from positioning.posegraph import similarity
 from positioning.posegraph.similarity import near_pairs, rss_distance_db, window_threshold_db
 
 
@@ -55,6 +56,19 @@ def test_a_second_set_and_leading_axes() -> None:
     np.testing.assert_allclose(rss_distance_db(one, two), both[:12, 12:], rtol=1e-12)
     stacked = rss_distance_db(np.stack([one, scans(3)]))
     np.testing.assert_array_equal(stacked[0], rss_distance_db(one))
+
+
+def test_rows_that_are_taken_some_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    rss, other = np.stack([scans(8, count=13), scans(9, count=13)]), scans(10, count=4)
+    rss[0, 7], other[2] = np.nan, np.nan
+    own, across = rss_distance_db(rss), rss_distance_db(rss, other)
+    # Two blocks and a rest.
+    monkeypatch.setattr(similarity, "_ROWS", 5)
+    np.testing.assert_allclose(rss_distance_db(rss), own, rtol=1e-12)
+    np.testing.assert_allclose(rss_distance_db(rss, other), across, rtol=1e-12)
+    assert own[1, 12, 6] == pytest.approx(by_definition(rss[1, 12], rss[1, 6]), rel=1e-12)
+    assert np.isnan(own[0, 7]).all()
+    assert np.isfinite(own[1]).all()
 
 
 def test_readings_that_are_no_whole_numbers() -> None:

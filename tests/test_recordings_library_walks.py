@@ -10,6 +10,8 @@ from scipy.spatial.transform import Rotation
 from algorithms.alignment.aligned_graph_slam import AlignedGraphSlam
 from algorithms.alignment.control_rigid import ControlRigid
 from algorithms.alignment.dead_reckoning import DeadReckoning
+from algorithms.alignment.graph_slam import GraphSlam
+from algorithms.alignment.ransac_alignment import RansacAlignment
 from positioning.errors import InputError
 from positioning.model import Array, Truth, Walks, world
 from positioning.recordings.phone_wifi_imu_library import SENSOR_HZ, dead_reckoned, load
@@ -100,6 +102,34 @@ def test_walks_of_the_library_are_aligned_by_their_scans() -> None:
         answer = algorithm.align(one, np.random.default_rng(0))
         estimates = {"position_m": answer.position_m[None], "heading_rad": answer.heading_rad[None]}
         mean_m[name] = float(np.nanmean(score(estimates, worlds.truth)["error_m"]))
-    # Walks laid on the truth show what dead reckoning is worth; those laid on each other lie between.
+    # Walks laid on the truth show what dead reckoning is worth; those laid upon each other lie between.
     assert mean_m["rigid"] < 4
     assert mean_m["rigid"] < mean_m["aligned"] < 0.5 * mean_m["alone"]
+
+
+@needs_library
+@pytest.mark.parametrize(("name", "scans"), [("final1", 729), ("final2", 682)])
+def test_walks_of_one_collection_share_little_and_still_come_together(name: str, scans: int) -> None:
+    worlds = load(LIBRARY, walks=name)
+    one = Walks.from_arrays(world(worlds.observed, 0))
+    truth = Truth.from_arrays(world(worlds.truth, 0))
+    assert one is not None
+    assert len(one.time_s) == 4
+    assert np.isfinite(one.time_s).sum() == scans
+    # A scan each second: a window of ten scans is half as long as in the simulated studies.
+    assert np.nanmedian(np.diff(one.time_s, axis=-1)) == pytest.approx(1.0, abs=0.05)
+    answers = {
+        "alone": DeadReckoning().align(one, np.random.default_rng(0)),
+        "rigid": ControlRigid(truth=truth).align(one, np.random.default_rng(0)),
+        "printed": GraphSlam().align(one, np.random.default_rng(0)),
+        "free": GraphSlam(frame="free").align(one, np.random.default_rng(0)),
+        "ransac": RansacAlignment().align(one, np.random.default_rng(0)),
+    }
+    mean_m = {}
+    for row, answer in answers.items():
+        estimates = {"position_m": answer.position_m[None], "heading_rad": answer.heading_rad[None]}
+        mean_m[row] = float(np.nanmean(score(estimates, worlds.truth)["error_m"]))
+    assert np.sum(answers["ransac"].extra["aligned"]) < 3
+    for row in ("printed", "free"):
+        assert answers[row].extra["connected"].all()
+        assert mean_m["rigid"] < mean_m[row] < 0.7 * mean_m["alone"]

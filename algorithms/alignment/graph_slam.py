@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from positioning.errors import InputError, check_whole
 from positioning.model import Aligned, Array, Walks
 from positioning.posegraph.graph import PoseGraph
-from positioning.posegraph.optimiser import Cost, Loss, NearCost, optimise
+from positioning.posegraph.optimiser import FRAMES, Cost, Frame, Loss, NearCost, optimise
 from positioning.walk_alignment import Poses, in_reference_frame, motion_graph, poses_of, wifi_pairs
 
 Extra = dict[str, NDArray[np.generic]]
@@ -74,6 +74,10 @@ class GraphSlam:
         Error of eq. 10 from which the loss grows less than the square, in the unit of ``e_max``.
     iterations
         Most steps of the search.
+    frame
+        "held": the first pose stays where it is while the search goes on, as in section III-A and, for the
+        lines, IV-A-1. "free": it moves like all others and is put back in place at the end; see
+        `positioning.posegraph.optimiser.optimise`. Both have the same minima.
     wifi_edges
         False leaves the WiFi edges out: motion alone.
     access_points
@@ -96,6 +100,7 @@ class GraphSlam:
         loss: Loss | None = None,
         loss_scale: float = 0.1,
         iterations: int = 50,
+        frame: Frame = "held",
         wifi_edges: bool = True,
         access_points: int | None = None,
     ) -> None:
@@ -112,6 +117,7 @@ class GraphSlam:
         self.loss = loss
         self.loss_scale = loss_scale
         self.iterations = iterations
+        self.frame = frame
         self.wifi_edges = wifi_edges
         self.access_points = access_points
 
@@ -142,6 +148,8 @@ class GraphSlam:
         near = self._near().check()
         if self.iterations != int(self.iterations) or self.iterations < 1:
             raise InputError(f"iterations={self.iterations}", "it is not a whole number from 1", "Correct it")
+        if self.frame not in FRAMES:
+            raise InputError(f"frame={self.frame!r}", f"it is none of {', '.join(FRAMES)}", "Correct it")
         if self.access_points is not None:
             check_whole("access_points", self.access_points)
             known = np.shape(walks.rss_dbm)[-1]
@@ -205,5 +213,5 @@ class GraphSlam:
 
     def _minimum(self, graph: PoseGraph, near: NearCost) -> Minimum:
         """Return the poses of least cost."""
-        found = optimise(graph, near=near, iterations=self.iterations)
+        found = optimise(graph, near=near, frame=self.frame, iterations=self.iterations)
         return Minimum(found.pose, found.cost_start, found.cost, found.iterations, found.converged)

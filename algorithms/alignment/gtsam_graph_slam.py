@@ -26,7 +26,8 @@ class GtsamGraphSlam(AlignedGraphSlam):
     of its factors is eq. 10, so each WiFi edge is a function in Python that the library calls at every step;
     this, and what gtsam needs to eliminate graphs with so many loops, is too slow for all of them. Therefore
     the graph is thinned: of all pairs in their order, ``most_edges`` at equal distances stay, and the weight
-    of each grows in proportion, so that the sum is about that of all. The cost is the squared one.
+    of each grows in proportion, so that the sum is about that of all. The cost is the squared one, and the
+    first pose is held as in the paper.
 
     Where gtsam is not installed (optional group ``peers``), the row says so.
 

@@ -10,7 +10,8 @@ class LevenbergMarquardt:
     """Sum of squares of all edges, loop closures and pairs of near places as good as any other.
 
     See Gu et al., eqs. 3 to 8 and 10, and `positioning.posegraph.optimiser.optimise`. A pair of near places
-    costs the square of its distance beyond ``d_min_m``, in standard deviations, times its weight.
+    costs the square of its distance beyond ``d_min_m``, in standard deviations, times its weight. A pose that
+    is the only fixed one moves like all others while the search goes on, and is put back in place at the end.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ from positioning.errors import InputError
 from positioning.geometry import rotated
 from positioning.model import Array
 from positioning.posegraph.graph import PoseGraph
-from positioning.posegraph.preconditioner import TwoLevel
+from positioning.posegraph.preconditioner import TwoLevel, number_of_knots
 from positioning.posegraph.residuals import (
     D_MAX_M,
     D_MIN_M,
@@ -36,10 +36,12 @@ Cost = Literal["squared", "linear"]
 Loss = Literal["cauchy", "huber", "dcs"]
 Start = Literal["given", "rotations_first"]
 Search = Literal["levenberg_marquardt", "gauss_newton"]
+Frame = Literal["held", "free"]
 COSTS: Final = ("squared", "linear")
 LOSSES: Final = ("cauchy", "huber", "dcs")
 STARTS: Final = ("given", "rotations_first")
 SEARCHES: Final = ("levenberg_marquardt", "gauss_newton")
+FRAMES: Final = ("held", "free")
 
 _FIRST_DAMPING = 1e-6
 _LEAST_DAMPING, _MOST_DAMPING = 1e-9, 1e12
@@ -47,8 +49,12 @@ _LEAST_DAMPING, _MOST_DAMPING = 1e-9, 1e12
 _RIDGE = 1e-14
 _NO_DISTANCE_M = 1e-12
 _NEGLIGIBLE_COST = 1e-24
+# Relative: what rounding takes from a cost when poses are turned and shifted.
+_SAME_COST = 1e-9
 # A factor with fewer values an unknown costs no more than a few iterations.
 _HEAVY = 200
+# A coarse problem is dense: with more knots a pose it would cost more than the factor that it replaces.
+_MOST_KNOTS = 0.2
 _CLOSE, _CG_ITERATIONS = 1e-3, 200
 # A new coarse problem costs as much as some fifteen iterations.
 _CG_MORE = 8
@@ -196,6 +202,7 @@ def optimise(
     loop_scale: float = 1.0,
     start: Start = "given",
     search: Search = "levenberg_marquardt",
+    frame: Frame = "free",
     iterations: int = 100,
     tolerance: float = 1e-6,
 ) -> Optimised:
@@ -208,8 +215,7 @@ def optimise(
     Parameters
     ----------
     graph
-        At least one pose of every connected part must be fixed; see `PoseGraph.tied`. The only fixed one of a
-        part tells the frame: with damping it moves like all others, and is put back in place at the end.
+        At least one pose of every connected part must be fixed; see `PoseGraph.tied`.
     near
         Cost of the proximity edges; needed where there are some.
     loop_loss
@@ -221,6 +227,12 @@ def optimise(
     search
         "levenberg_marquardt", whose every step lowers the cost, or "gauss_newton", which takes steps without
         damping, may lose its way far from the minimum, and passes long curved valleys in fewer steps.
+    frame
+        What becomes of a pose that is the only fixed one of its part, and so tells the frame alone. "held":
+        it stays where it is, as section III-A has it, and all others move about it. "free": it moves like all
+        others, and is put back in place at the end with all that the cost joins to it. Every minimum of one
+        is a minimum of the other, of the same cost; but where there are several, the two may end in different
+        ones, and either may need more steps. The steps of "gauss_newton" need a frame: it always holds.
     iterations
         Most steps to take.
     tolerance
@@ -244,6 +256,8 @@ def optimise(
         raise InputError(f"start={start!r}", f"it is none of {', '.join(STARTS)}", "Correct it")
     if search not in SEARCHES:
         raise InputError(f"search={search!r}", f"it is none of {', '.join(SEARCHES)}", "Correct it")
+    if frame not in FRAMES:
+        raise InputError(f"frame={frame!r}", f"it is none of {', '.join(FRAMES)}", "Correct it")
     if near is None and len(graph.near_from):
         limit = f"the graph has {len(graph.near_from)} proximity edges"
         raise InputError("near", limit, "Give a NearCost, or a graph without them")
@@ -255,7 +269,7 @@ def optimise(
             "Fix a pose of it, leave it out, or take graph.tied()",
         )
     whole = graph
-    if search == "levenberg_marquardt":
+    if search == "levenberg_marquardt" and frame == "free":
         graph = _with_free_frames(whole)
     problem = _Problem(graph, near, loop_loss, loop_scale)
     pose = np.array(graph.pose, dtype=np.float64)
@@ -268,7 +282,14 @@ def optimise(
         begin = problem.cost(pose)
     find = _search if search == "levenberg_marquardt" else _gauss_newton
     pose, last, taken, reason = find(problem, pose, begin, iterations, tolerance)
-    pose = _in_given_frames(whole, graph, pose)
+    if graph is not whole:
+        pose = _in_given_frames(whole, graph, near, pose)
+        back = problem.cost(pose)
+        if back.minimised < (1.0 - _SAME_COST) * last.minimised:
+            # Something that nothing joined to the fixed pose came within its reach: there is more to find.
+            held = _Problem(whole, near, loop_loss, loop_scale)
+            pose, last, more, reason = _search(held, pose, back, iterations - taken, tolerance)
+            taken += more
     return Optimised(
         pose, first.printed, last.printed, taken, reason not in ("iterations", "singular"), reason
     )
@@ -300,20 +321,25 @@ def _with_free_frames(graph: PoseGraph) -> PoseGraph:
     """Return the graph without fixed poses in those parts in which only one is fixed, and others are not.
 
     Such a pose tells the frame and nothing else: the cost is the same in every frame. Held while all others
-    move, it makes them swing about it, and steps along the tangent of far poses must be short.
+    move, it makes them swing about it, and steps along the tangent of far poses must be short. The same graph
+    where there is no such pose.
     """
     number, part = graph.component()
     fixed = np.asarray(graph.fixed, dtype=bool)
     alone = (np.bincount(part, weights=fixed, minlength=number) == 1) & (np.bincount(part) > 1)
-    return replace(graph, fixed=fixed & ~alone[part])
+    freed = fixed & alone[part]
+    return replace(graph, fixed=fixed & ~freed) if freed.any() else graph
 
 
-def _in_given_frames(graph: PoseGraph, freed: PoseGraph, pose: Array) -> Array:
-    """Return poses with each part turned and shifted so that the poses that were freed are back in place."""
+def _in_given_frames(graph: PoseGraph, freed: PoseGraph, near: NearCost | None, pose: Array) -> Array:
+    """Return poses turned and shifted so that the poses that were freed are back in place.
+
+    With each goes what motions and proximity edges with a slope join to it. What hangs by flat edges alone
+    keeps its place, wherever the rest has gone meanwhile; as those edges cost their most already, this cannot
+    raise the cost.
+    """
     back = np.flatnonzero(np.asarray(graph.fixed, dtype=bool) & ~np.asarray(freed.fixed, dtype=bool))
-    if not len(back):
-        return pose
-    number, part = graph.component()
+    number, part = _joined(graph, near, pose).component()
     anchor = np.full(number, -1)
     anchor[part[back]] = back
     of_pose = anchor[part]
@@ -327,6 +353,27 @@ def _in_given_frames(graph: PoseGraph, freed: PoseGraph, pose: Array) -> Array:
     # Without the rounding of a difference that is added again.
     found[back] = given[back]
     return found
+
+
+def _joined(graph: PoseGraph, near: NearCost | None, pose: Array) -> PoseGraph:
+    """Return the graph without the edges that cost the same wherever their poses go from here."""
+    weighs = np.asarray(graph.motion_information).any(axis=(-2, -1))
+    if near is None:
+        reach = np.zeros(len(graph.near_from), dtype=bool)
+    else:
+        offset_m = pose[graph.near_to, :2] - pose[graph.near_from, :2]
+        reach = np.hypot(offset_m[:, 0], offset_m[:, 1]) < near.d_max_m
+        if near.weight == 0:
+            reach[:] = False
+        if graph.near_weight is not None:
+            reach &= np.asarray(graph.near_weight) > 0
+    return replace(
+        graph,
+        motion_from=graph.motion_from[weighs],
+        motion_to=graph.motion_to[weighs],
+        near_from=graph.near_from[reach],
+        near_to=graph.near_to[reach],
+    )
 
 
 class _Value(NamedTuple):
@@ -579,9 +626,12 @@ class _Pattern:
         soft, self.near_pair = np.unique(pair[split:], return_inverse=True)
         self.motion_pairs, self.near_pairs = len(stiff), len(soft)
 
+        joined = np.zeros(max(count - 1, 0), dtype=bool)
+        next_pose = self.motion_both & (motion[1] == motion[0] + 1)
+        joined[motion[0, next_pose]] = True
         place, fill = _little_fill(first, second, count)
         # Nine values a block, three unknowns a pose.
-        heavy = 3 * fill > _HEAVY * count
+        heavy = 3 * fill > _HEAVY * count and number_of_knots(joined) <= _MOST_KNOTS * count
         if heavy:
             place = np.arange(count)
         here, one, two = place, place[first], place[second]
@@ -617,9 +667,6 @@ class _Pattern:
         # Iterations with the coarse problem when it was new; None = there is none, or it is of no more use.
         self._needed: int | None = None
         if heavy:
-            joined = np.zeros(count - 1, dtype=bool)
-            next_pose = self.motion_both & (motion[1] == motion[0] + 1)
-            joined[motion[0, next_pose]] = True
             next_one = np.flatnonzero(second == first + 1)
             below = np.where(there[lower[next_one]], before[lower[next_one]], -1)
             self._near_inverse = TwoLevel(joined, _band(self._diagonal, first[next_one], below))
@@ -670,12 +717,16 @@ class _Pattern:
                 if when_new is None:
                     near_inverse.coarse(matrix, pose)
                 found, needed = _conjugate_gradients(matrix, right, near_inverse)
+                if found is None:
+                    self._needed = None
+                    if when_new is None:  # nothing new is left to try
+                        break
+                    continue
                 if when_new is None:
                     self._needed = needed
-                elif found is None or needed > when_new + _CG_MORE:
+                elif needed > when_new + _CG_MORE:
                     self._needed = None
-                if found is not None:
-                    return found
+                return found
         except np.linalg.LinAlgError:  # not positive definite to rounding
             pass
         self._needed = None
@@ -700,9 +751,10 @@ def _band(diagonal: NDArray[Any], pose: NDArray[Any], below: NDArray[Any]) -> ND
 
 
 def _conjugate_gradients(matrix: Any, right: Array, near_inverse: TwoLevel) -> tuple[Array | None, int]:
-    """Return a solution whose error is within `_CLOSE`, or None, and the iterations that it took.
+    """Return a solution whose relative error is about `_CLOSE`, or None, and the iterations that it took.
 
-    The error is measured as the curvature weighs it, so that soft directions count as much as stiff ones.
+    The error is estimated by the preconditioner, nearly as the curvature weighs it, so that soft directions
+    count as much as stiff ones.
     """
     found, residual = np.zeros(len(right)), right
     direction = preconditioned = near_inverse.solve(residual)

@@ -24,6 +24,19 @@ KNOT_EVERY = 20
 _RIDGE = 1e-12
 
 
+def number_of_knots(joined: NDArray[np.bool_]) -> int:
+    """Return how many knots `TwoLevel` has, of which each adds three unknowns to a dense problem.
+
+    Parameters
+    ----------
+    joined
+        Whether a motion leads from each pose to the next, [n - 1].
+    """
+    ends = np.concatenate([[-1], np.flatnonzero(~joined), [len(joined)]])
+    steps = np.diff(ends) - 1
+    return int(np.sum(-(-steps // KNOT_EVERY) + 1))
+
+
 class TwoLevel:
     """Two solutions of simpler equations, added.
 

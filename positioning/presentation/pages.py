@@ -14,10 +14,17 @@ from positioning.files import read_json
 from positioning.presentation import tables
 from positioning.presentation.claim_lines import told
 from positioning.presentation.environment import as_text, environment
+from positioning.presentation.study_lines import (
+    breakable,
+    coded,
+    row_lines,
+    scene_line,
+    setting_lines,
+    sweep_lines,
+    world_lines,
+)
 from positioning.presentation.svg import inline_svg
 from positioning.presentation.tables import Row
-from positioning.presentation.tones import is_control
-from positioning.simulation.settings import calibrated_settings
 
 WORLDS_NEEDED = 39
 """Fewer worlds than this cannot promise a 95 % interval of single experiments."""
@@ -67,7 +74,8 @@ class Report:
         Its name.
     plan
         ``title``, ``entries`` (settings by row), ``families`` (settings by family), ``recordings``,
-        ``worlds``, ``first_seed``, ``sweeps`` (setting and values by name), ``reference``, ``quick``.
+        ``worlds``, ``first_seed``, ``sweeps`` (setting and values by name), ``reference``, ``quick``; and
+        ``scene`` and ``meanings`` (in words, by family or recording), where they are told.
     table, paired, times, claims
         As `tables.read_table` reads them.
     pictures
@@ -134,6 +142,7 @@ def study_page(report: Report) -> str:
     """
     rows = tables.rows_of(report.table, report.claims, report.paper)
     kinds = {claim["id"]: claim["kind"] for claim in report.paper.get("claims", [])}
+    settings = report.paper.get("settings", {}).get(report.study, {})
     return (
         environment()
         .get_template("study.html")
@@ -153,16 +162,19 @@ def study_page(report: Report) -> str:
                 kinds,
                 {report.study: [picture.name for picture in report.pictures]},
             ),
-            settings=_settings(report),
+            settings=setting_lines(settings, report.plan["families"], report.calibration),
             readings=report.paper.get("readings", {}).get(report.study, []),
-            entries=[_entry(name, value) for name, value in report.plan["entries"].items()],
+            scene=scene_line(report.plan.get("scene", "")),
+            kinds_of_worlds=world_lines(report.plan, settings, report.calibration),
+            entries=row_lines(report.plan["entries"]),
             printed_in_table=any(cell.printed for row in rows for cell in row.cells.values()),
             tasks=list(dict.fromkeys(tables.task(value) for value in report.plan["entries"].values())),
-            differing=differing(report.plan["families"]),
             seconds=_seconds_by_rule(report.manifest),
             build=build_lines(report.manifest),
             sources=_sources(report),
-            sweeps=_sweeps(report.plan["sweeps"]),
+            sweeps=sweep_lines(report.plan["sweeps"], [picture.name for picture in report.pictures]),
+            coded=coded,
+            breakable=breakable,
             worlds=worlds_in_words(report.plan),
             worlds_needed=WORLDS_NEEDED,
         )
@@ -218,33 +230,6 @@ def build_lines(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [(name, text) for name, text in told if text]
 
 
-def differing(families: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
-    """Return in words in which settings each family of worlds but the first differs from the first.
-
-    Parameters
-    ----------
-    families
-        Settings by family.
-    """
-    first, *others = families or [""]
-    return {
-        family: as_text({name: x for name, x in families[family].items() if families[first].get(name) != x})
-        for family in others
-    }
-
-
-def flatten(value: Any, name: str = "") -> list[tuple[str, str]]:
-    """Return nested mappings as pairs of a dotted name and a text, sorted by name."""
-    if isinstance(value, Mapping):
-        pairs = [
-            pair
-            for key in sorted(value)
-            for pair in flatten(value[key], f"{name}.{key}" if name else str(key))
-        ]
-        return pairs
-    return [(name, as_text(value))]
-
-
 def _family(name: str, rows: Sequence[Row], report: Report) -> dict[str, Any]:
     """Return everything that is told of one family of worlds or one recording."""
     own = [row for row in rows if row.family == name]
@@ -274,6 +259,7 @@ def _task_table(task: str, rows: Sequence[Row]) -> dict[str, Any]:
         "task": task,
         "rows": [row for row in rows if not row.note],
         "silent": silent,
+        "spread": any(row.sd_worlds != tables.NOTHING for row in rows),
         "differ": len({row.samples for row in rows if row.cells}) > 1,
         "size": tables.size_of(rows),
         "central": tables.central(tables.most_worlds(rows)),
@@ -314,68 +300,21 @@ def _times(report: Report, family: str, rows: Sequence[Row]) -> list[dict[str, A
     ]
 
 
-def _seconds_by_rule(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return how long each rule's jobs took in all, longest first."""
+def _seconds_by_rule(manifest: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Return time and share of each rule's jobs, longest first; then their sum."""
     seconds = {rule: float(used) for rule, used in manifest.get("seconds_by_rule", {}).items()}
-    return [(rule, _seconds(used)) for rule, used in sorted(seconds.items(), key=lambda item: -item[1])]
+    whole = sum(seconds.values())
+    longest = sorted(seconds.items(), key=lambda item: -item[1])
+    return [
+        (rule, _seconds(used), f"{100 * used / (whole or 1):.0f} %")
+        for rule, used in [*longest, *([("all", whole)] if longest else [])]
+    ]
 
 
 def _seconds(seconds: float) -> str:
     if seconds < 1:
         return f"{1000 * seconds:.2g} ms" if seconds < 0.0995 else f"{1000 * seconds:.0f} ms"
     return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
-
-
-def _settings(report: Report) -> dict[str, list[dict[str, Any]]]:
-    """Return the settings in two lists: what the paper reports, and what had to be assumed."""
-    calibrated = {step["setting"] for step in report.calibration}
-    found: dict[str, list[dict[str, Any]]] = {"reported": [], "assumed": []}
-    for name, setting in report.paper.get("settings", {}).get(report.study, {}).items():
-        used = {
-            family: as_text({**values, **calibrated_settings(report.calibration, family)}[name])
-            for family, values in report.plan["families"].items()
-            if name in values
-        }
-        value = as_text(setting["value"])
-        if len(set(used.values())) > 1:
-            instead = "; ".join(f"{family}: {text}" for family, text in used.items() if text != value)
-        else:
-            instead = "".join(set(used.values()) - {value})
-        found["assumed" if setting.get("assumed") else "reported"].append(
-            {
-                "name": name,
-                "value": value,
-                "unit": setting["unit"],
-                "where": setting.get("where", setting.get("why", "")),
-                "used": instead,
-                "calibrated": name in calibrated,
-            }
-        )
-    return found
-
-
-def _entry(name: str, value: Mapping[str, Any]) -> dict[str, Any]:
-    parameters = value.get("parameters", {k: v for k, v in value.items() if k not in ("use", "protocol")})
-    return {
-        "name": name,
-        "use": value.get("use", name),
-        "parameters": as_text(parameters),
-        "task": tables.task(value),
-        "protocol": tables.protocol(value),
-        "is_control": is_control(name),
-        "meaning": _inside_a_sentence(value.get("meaning", "")),
-    }
-
-
-def _inside_a_sentence(text: str) -> str:
-    """Return a sentence with a small letter in front and without its full stop."""
-    return text[:1].lower() + text[1:].removesuffix(".")
-
-
-def _sweeps(sweeps: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Return name, setting and values of each sweep; a plan may give all settings, or these two alone."""
-    over = {name: value["over"] if isinstance(value, Mapping) else value for name, value in sweeps.items()}
-    return [{"name": n, "setting": setting, "over": as_text(points)} for n, (setting, points) in over.items()]
 
 
 def _sources(report: Report) -> list[dict[str, Any]]:

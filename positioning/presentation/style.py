@@ -134,6 +134,7 @@ KNOWN: dict[str, Stroke] = {
     "control_true_map": Stroke("#62860f", "-.", "*"),
     "dead_reckoning": Stroke("#96610f", "-", "o"),
     "graph_slam": Stroke("#c23a05", "-", "s"),
+    "graph_slam_free": Stroke("#8c2d04", ":", "s"),
     "gtsam": Stroke("#5f7f06", "--", "s"),
     "ransac": Stroke("#7f2b8e", "-", "^"),
     "aligned": Stroke("#0a60b0", "-", "D"),

@@ -1,5 +1,6 @@
 """Checks the configuration and resolves it into studies, batches of worlds and entries of tables."""
 
+import ast
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -83,7 +84,10 @@ class Entry:
 
 @dataclass(frozen=True)
 class Study:
-    """One study: worlds made or recorded, the algorithms that run on them, the paper behind it."""
+    """One study: worlds made or recorded, the algorithms that run on them, the paper behind it.
+
+    ``scene`` and ``meanings`` (by family or recording) say in words what the worlds are.
+    """
 
     name: str
     title: str
@@ -98,6 +102,8 @@ class Study:
     calibrate: list[dict[str, Any]] = field(default_factory=list)
     recordings: dict[str, dict[str, Any]] = field(default_factory=dict)
     figure: str = ""
+    scene: str = ""
+    meanings: dict[str, str] = field(default_factory=dict)
 
     @property
     def kind(self) -> str:
@@ -144,6 +150,12 @@ class Study:
             "worlds": self.worlds,
             "first_seed": self.first_seed,
             "reference": self.reference,
+            "scene": self.scene,
+            "meanings": {
+                name: text
+                for name, text in self.meanings.items()
+                if name in self.families or name in self.recordings
+            },
         }
 
     def members(self, batch: str) -> dict[str, Any]:
@@ -208,6 +220,8 @@ def resolve(config: Mapping[str, Any], root: Path = Path()) -> dict[str, Study]:
             calibrate=values.get("calibrate", []),
             families={} if "recordings" in values else _families(values, paper, name),
             figure=values.get("figure", ""),
+            scene="" if "recordings" in values else _told(root / f"positioning/simulation/{name}.py"),
+            meanings=_meanings(values, key, root),
         )
         for row in study.rows.values():
             for family in row.families:
@@ -529,8 +543,11 @@ def _families(values: Mapping[str, Any], paper: Mapping[str, Any], study: str) -
     """Settings of every world family: the paper's, over these the study's, over these the family's."""
     reported = {name: setting["value"] for name, setting in paper["settings"].get(study, {}).items()}
     shared = values.get("world", {})
-    families = values.get("families") or {"worlds": {}}
-    for where, names in (("world", shared), *((f"families.{f}", v or {}) for f, v in families.items())):
+    families = {
+        family: {name: value for name, value in (own or {}).items() if name != "meaning"}
+        for family, own in (values.get("families") or {"worlds": {}}).items()
+    }
+    for where, names in (("world", shared), *((f"families.{f}", v) for f, v in families.items())):
         for name in names:
             _known(
                 name,
@@ -538,7 +555,27 @@ def _families(values: Mapping[str, Any], paper: Mapping[str, Any], study: str) -
                 f"studies.{study}.{where}.{name}",
                 f"setting of data/papers/{values['paper']}.yaml",
             )
-    return {family: {**reported, **shared, **(own or {})} for family, own in families.items()}
+    return {family: {**reported, **shared, **own} for family, own in families.items()}
+
+
+def _meanings(values: Mapping[str, Any], key: str, root: Path) -> dict[str, str]:
+    """Return what is said of families, and of recordings what the adapter's first line says, by name."""
+    found = {}
+    for name, family in values.get("families", {}).items():
+        text = (family or {}).get("meaning", "")
+        if not isinstance(text, str):
+            raise InputError(f"{key}.families.{name}.meaning", f"{text!r} is no text", "Say it in words")
+        found[name] = text
+    for name, options in values.get("recordings", {}).items():
+        found[name] = _told(root / f"positioning/recordings/{(options or {}).get('adapter')}.py")
+    return found
+
+
+def _told(module: Path) -> str:
+    """Return the first line of a module's docstring without importing it; empty where there is none."""
+    if not module.is_file():
+        return ""
+    return (ast.get_docstring(ast.parse(module.read_text(encoding="utf-8"))) or "").partition("\n")[0]
 
 
 def _check_synthetic(study: Study, paper: Mapping[str, Any], root: Path) -> None:
