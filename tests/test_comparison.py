@@ -138,8 +138,89 @@ def test_intervals_of_means_are_over_worlds_or_over_samples(compared):
 
 
 def test_a_world_is_shared_by_equal_errors_and_absent_rows_win_nothing():
-    mean_m = np.array([[1.0, 1.0 + 1e-8, 2.0], [3.0, 1.0, np.nan], [np.nan, np.nan, 1.0], [np.nan] * 3])
+    mean_m = np.array([[1.0, 1.0 + 5e-5, 2.0], [3.0, 1.0, np.nan], [np.nan, np.nan, 1.0], [np.nan] * 3])
     assert c.worlds_won(mean_m) == pytest.approx([0.5 / 3, 1.5 / 3, 1 / 3])
+    assert c.worlds_won(np.array([[1.0, 1.0 + 3e-4]])) == pytest.approx([1, 0])
+
+
+def differences(mean_m):
+    mean_m = np.asarray(mean_m, dtype=float)
+    return mean_m[..., :, None] - mean_m[..., None, :]
+
+
+def test_ranks_of_equal_samples_are_those_of_the_means_and_ties_share_a_rank():
+    mean_m = np.array([[3.0, 1.0, 2.0, 1.0 + 5e-5], [1.0, 2.0, 3.0, 4.0], [2.0, 2.0, 2.0, 2.0]])
+    expected = [[4, 1.5, 3, 1.5], [1, 2, 3, 4], [2.5, 2.5, 2.5, 2.5]]
+    assert c.difference_ranks(differences(mean_m), mean_m).tolist() == expected
+    apart = np.array([1.0, 1.0 + 3e-4])
+    assert c.difference_ranks(differences(apart), apart).tolist() == [1, 2]
+
+
+def test_ranks_are_of_common_samples_and_nothing_common_is_a_tie():
+    # The first has the smallest mean because it answers easy samples alone, at which the second is better.
+    mean_m = np.array([1.0, 2.0, 3.0])
+    difference_m = np.array([[0, 0.5, np.nan], [-0.5, 0, -1.0], [np.nan, 1.0, 0]])
+    assert c.difference_ranks(difference_m, mean_m).tolist() == [2.5, 1, 2.5]
+
+
+def refusing(own, row, families, share, difference_m, mean_m):
+    """Return a study in which a row answers a share of the samples, with a difference to all others."""
+    table, paired, worlds = own.table.copy(), own.paired.copy(), own.worlds.copy()
+    here = (table["algorithm"] == row) & table["family"].isin(families)
+    table.loc[here, "n"] = round(SAMPLES * share)
+    table.loc[here, "mean_m"] = mean_m
+    worlds.loc[(worlds["algorithm"] == row) & worlds["family"].isin(families), "mean_m"] = mean_m
+    inside = paired["family"].isin(families)
+    paired.loc[inside & (paired["algorithm"] == row), "difference_m"] = difference_m
+    paired.loc[inside & (paired["against"] == row), "difference_m"] = -difference_m
+    return c.StudyTables(**{**vars(own), "table": table, "paired": paired, "worlds": worlds})
+
+
+def test_who_refuses_hard_samples_gains_nothing():
+    own = refusing(study(), "mlp", ("a",), 0.5, 1.5, 0.1)
+    lines = c.compare([own], ACCEPTED)[0].lines
+    here = lines[lines["family"] == "a"].set_index("algorithm")
+    assert here.loc["mlp", ["coverage", "rank", "beaten_share"]].tolist() == [0.5, 4, 0]
+    assert here.loc["knn", "coverage"] == 1
+    assert np.isnan(here.loc["mlp", "worlds_won_share"])
+    assert here.loc["mine", ["rank", "worlds_won_share", "over_best"]].tolist() == [1, 1, 1]
+    # The smallest mean of those that answer everything, and the difference from it.
+    best_m = here.loc["mine", "mean_m"]
+    assert here.loc["mlp", "over_best"] == pytest.approx((best_m + 1.5) / best_m)
+
+
+def test_data_sets_with_refusals_leave_the_ranks_and_the_answer_says_so(tmp_path):
+    families = ("a", "b", "c", "d", "e", "f")
+    full = refusing(study(families=families), "mlp", families, 0.99, 1.5, 3.0)
+    assert len(c.compare([full], ACCEPTED)[0].groups[0].ranks.rank) == 6
+    part = refusing(study(families=families), "mlp", ("b",), 0.9, 1.5, 3.0)
+    compared = c.compare([part], ACCEPTED)
+    group = compared[0].groups[0]
+    assert [family for _, family in group.ranks.rank.index] == ["a", "c", "d", "e", "f"]
+    assert group.left_out.to_dict("records") == [
+        {"study": "rooms", "family": "b", "kind": "synthetic", "reason": c.REFUSED}
+    ]
+    assert "left out of the ranks: 1 where a ranked row answers less than 98 %" in drawn.answer(group)
+    assert group.summary.set_index("label").loc["mlp", "least_coverage"] == pytest.approx(0.9)
+    figures.save(drawn.draw(compared), tmp_path)
+    text = drawn.page(compared, tmp_path, {})
+    assert "of the samples: rooms: b (synthetic)" in text
+    assert "98 %<small>least 90 %</small>" in text
+
+
+def test_a_data_set_of_one_error_has_no_ranks_but_stands_on_the_page(tmp_path):
+    own = study("attic", "recorded", ("g",), worlds=1)
+    alone = c.StudyTables(**{**vars(own), "table": own.table.assign(n=1)})
+    joined = c.compare([study(families=("a", "b", "c", "d", "e")), alone], ACCEPTED)
+    lines = joined[0].lines
+    here = lines[(lines["family"] == "g") & (lines["role"] == "main")]
+    assert here["competes"].all()
+    assert here[["rank", "beaten_share", "worlds_won_share", "over_best"]].isna().all(axis=None)
+    group = joined[0].groups[0]
+    assert len(group.ranks.rank) == 5
+    assert group.left_out["reason"].tolist() == [c.ONE_SAMPLE]
+    figures.save(drawn.draw(joined), tmp_path)
+    assert 'data-set="attic/g"' in drawn.page(joined, tmp_path, {})
 
 
 def test_block_is_the_largest_that_is_complete():
@@ -157,33 +238,43 @@ def test_block_is_the_largest_that_is_complete():
 )
 def test_critical_difference_is_that_of_the_printed_table(algorithms, quantile):
     """The quantiles are those of Demsar (2006), Table 5a, at the level of 5 %."""
-    mean_m = pd.DataFrame(np.random.default_rng(0).random((8, algorithms)))
+    rank = pd.DataFrame(np.random.default_rng(0).random((8, algorithms))).rank(axis=1)
     expected = quantile * np.sqrt(algorithms * (algorithms + 1) / (6 * 8))
-    assert c.ranks(mean_m).critical_difference == pytest.approx(expected, abs=5e-3)
+    assert c.mean_ranks(rank).critical_difference == pytest.approx(expected, abs=5e-3)
 
 
 def test_mean_ranks_and_friedman_of_a_worked_example():
     # Four data sets in one order: chi square is 12 / (4 * 3 * 4) * (16 + 64 + 144) - 3 * 4 * 4 = 8.
-    mean_m = pd.DataFrame({"slow": [3.0] * 4, "good": [1.0] * 4, "fair": [2.0] * 4})
-    found = c.ranks(mean_m)
+    found = c.mean_ranks(pd.DataFrame({"slow": [3.0] * 4, "good": [1.0] * 4, "fair": [2.0] * 4}))
     assert found.mean.to_dict() == {"good": 1, "fair": 2, "slow": 3}
     assert found.friedman_p == pytest.approx(np.exp(-8 / 2))
+    assert found.best() == ["good"]
     assert found.unlike_best() == ["slow"]
+
+
+@pytest.mark.filterwarnings("error")
+def test_ranks_that_are_equal_everywhere_tell_no_difference():
+    found = c.mean_ranks(pd.DataFrame({name: [2.0] * 5 for name in ("x", "y", "z")}))
+    assert found.friedman_p == 1
+    assert found.best() == ["x", "y", "z"]
+    assert found.unlike_best() == []
 
 
 def test_outcomes_count_intervals_clear_of_zero_on_each_side():
     pairs = pd.DataFrame(
         [
-            ("x", "y", -2.0, -1.0, 9),
-            ("x", "y", -1.0, 1.0, 9),
-            ("x", "y", 1.0, 2.0, 9),
-            ("x", "y", -2.0, -1.0, 9),
-            ("x", "y", np.nan, np.nan, 1),
+            ("x", "y", "world", -2.0, -1.0, 9),
+            ("x", "y", "world", -1.0, 1.0, 9),
+            ("x", "y", "world", 1.0, 2.0, 9),
+            ("x", "y", "world", -2.0, -1.0, 9),
+            ("x", "y", "sample", 1.0, 2.0, 9),
+            ("x", "y", "sample", np.nan, np.nan, 1),
         ],
-        columns=["label", "against", "low_m", "high_m", "n"],
+        columns=["label", "against", "unit", "low_m", "high_m", "n"],
     )
     assert c.paired_outcomes(pairs).to_dict("records") == [
-        {"label": "x", "against": "y", "better": 2, "worse": 1, "n": 4}
+        {"label": "x", "against": "y", "unit": "world", "better": 2, "worse": 1, "n": 4},
+        {"label": "x", "against": "y", "unit": "sample", "better": 0, "worse": 1, "n": 1},
     ]
 
 
@@ -314,11 +405,43 @@ def test_the_page_tells_the_numbers(built, compared):
     _, text = built
     group = compared[0].groups[0]
     assert f"Lowest mean rank over 6 data sets: mine ({group.ranks.mean['mine']:.1f} of 4)" in text
+    assert "; wknn is not told apart from it by mean ranks alone." in text
+    assert (
+        "next in rank, the error of mine is clearly smaller : larger in 3:0 of 3 data sets over worlds."
+        in text
+    )
+    caption = re.search(r"<caption><span>Over all data sets.*?</caption>", text)[0]
+    assert f"critical difference: {group.ranks.critical_difference:.2f} ranks" in caption
+    assert "These 6 are of 2 sources" in caption
     line = compared[0].lines.iloc[0]
     assert f'data-value="{line["mean_m"]}">{line["mean_m"]:.2f}' in text
     assert "6:0<small>of 6</small>" not in text  # single recordings of one sample pair decide nothing
     assert "3:0<small>of 3</small>" in text
     assert "<dd>yes</dd>" in text
+
+
+def test_recordings_of_one_collection_are_one_source_and_worlds_and_samples_stand_apart(tmp_path):
+    halls, attic = (study(name, "recorded", (name[0], name[1]), worlds=1) for name in ("halls", "attic"))
+    made = study()
+    for own in (halls, attic):
+        # As of one recording of several samples each.
+        own.paired[["unit", "n", "low_m", "high_m"]] = ["sample", 9, 1.0, 2.0]
+    sources = {halls.study: {"h": "one", "a": "two"}, attic.study: {"a": "one", "t": "one"}}
+    studies = [c.StudyTables(**{**vars(own), "sources": sources[own.study]}) for own in (halls, attic)]
+    compared = c.compare([made, *studies], ACCEPTED)
+    group = compared[0].groups[0]
+    assert (len(group.ranks.rank), group.sources) == (7, 3)
+    units = group.outcomes.set_index(["label", "against", "unit"])
+    assert units.loc[("mine", "mlp", "world")].tolist() == [3, 0, 3]
+    assert units.loc[("mine", "mlp", "sample")].tolist() == [0, 4, 4]
+    figures.save(drawn.draw(compared), tmp_path)
+    text = drawn.page(compared, tmp_path, {})
+    for unit in ("worlds", "samples"):
+        assert f"<caption><span>Data sets decided over {unit}: " in text
+    assert "0:4<small>of 4</small>" in text
+    # In the matrix over samples, in that of each of the four recordings, and under "paired difference".
+    assert text.count(drawn.TOO_NARROW) == 6
+    assert "These 7 are of 3 sources" in text
 
 
 def test_equal_inputs_give_equal_bytes(compared, built, tmp_path):
@@ -334,6 +457,26 @@ def test_too_few_data_sets_have_no_rank_drawing():
     compared = c.compare([study(families=("a",))], ACCEPTED)
     assert [item.name for item in drawn.draw(compared)] == ["fingerprinting_times"]
     assert "paired differences decide" in drawn.answer(compared[0].groups[0])
+
+
+def test_algorithms_that_are_equal_everywhere_share_the_lowest_rank():
+    own = study(families=("a", "b", "c", "d", "e"))
+    table, paired = own.table.assign(mean_m=2.0), own.paired.assign(difference_m=0.0)
+    worlds = own.worlds.assign(mean_m=2.0)
+    alike = c.StudyTables(**{**vars(own), "table": table, "paired": paired, "worlds": worlds})
+    group = c.compare([alike], ACCEPTED)[0].groups[0]
+    assert group.summary["won_share"].tolist() == pytest.approx([0.25] * 4)
+    assert drawn.answer(group).startswith(
+        "Lowest mean rank over 5 data sets: knn, mine, mlp and wknn (2.5 of 4). "
+    )
+    assert "p = 1;" in drawn.reservation(group)
+
+
+@pytest.mark.parametrize(
+    ("share", "told"), [(1.0, "100 %"), (0.9999, "99 %"), (0.29, "29 %"), (np.nan, "\N{EN DASH}")]
+)
+def test_only_all_samples_are_a_hundred_per_cent(share, told):
+    assert drawn.answered(share) == told
 
 
 @pytest.mark.parametrize(

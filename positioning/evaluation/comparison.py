@@ -1,7 +1,8 @@
 """All algorithms of a task beside each other, over the data sets of all studies.
 
 A data set is a family of worlds or a recording of one study. Ranks, shares and paired outcomes are made
-inside a data set and only then joined, because errors of different places do not compare.
+inside a data set and only then joined, because errors of different places do not compare. Inside a data
+set, rows are compared at the samples that both have: one that refuses hard samples gains nothing by it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,7 +16,19 @@ from scipy.special import stdtrit
 
 from positioning.evaluation.statistics import CONFIDENCE, Interval, mean_interval
 
-COLUMNS = ["study", "family", "kind", "algorithm", "use", "role", "new", "worlds", "n"]
+COLUMNS = [
+    "study",
+    "family",
+    "kind",
+    "algorithm",
+    "use",
+    "role",
+    "new",
+    "competes",
+    "worlds",
+    "n",
+    "coverage",
+]
 COLUMNS += [
     "mean_m",
     "interval_low_m",
@@ -26,7 +39,7 @@ COLUMNS += [
     "p90_m",
     "p95_m",
 ]
-COLUMNS += ["rank", "beaten_share", "worlds_won_share", "seconds", "note"]
+COLUMNS += ["rank", "beaten_share", "worlds_won_share", "over_best", "seconds", "note"]
 """Columns of the table of a task."""
 
 MAIN, VARIANT, CONTROL = "main", "variant", "control"
@@ -35,8 +48,14 @@ MAIN, VARIANT, CONTROL = "main", "variant", "control"
 LEAST_ALGORITHMS, LEAST_DATA_SETS = 3, 5
 """Smaller comparisons have no critical difference worth drawing."""
 
-TIE = 1e-6
-"""Mean errors that are closer than this share of them are equal."""
+LEAST_COVERAGE, LEAST_SAMPLES = 0.98, 2
+"""Rows that answer a smaller share of a data set's samples, and data sets of fewer, are in no mean rank."""
+
+TIE = 1e-4
+"""Mean errors that are closer than this share of the larger one are equal, here and in all counts."""
+
+WORLD, SAMPLE = "world", "sample"
+"""What a paired difference is over."""
 
 DataSet = tuple[str, str]
 
@@ -57,6 +76,8 @@ class StudyTables:
         As the rule ``compare`` writes them; ``times`` outside sweeps.
     worlds
         One mean error a world: ``family, algorithm, world, mean_m``.
+    sources
+        The collection that a recording is from, by family. What is not told is from one source a study.
     """
 
     study: str
@@ -68,6 +89,7 @@ class StudyTables:
     paired: pd.DataFrame
     times: pd.DataFrame
     worlds: pd.DataFrame
+    sources: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -78,6 +100,7 @@ class Ranks:
     ----------
     rank
         One line a data set, one column an algorithm, the best mean rank first; 1 is the smallest error.
+        Made of paired differences, as `difference_ranks` says.
     critical_difference
         Mean ranks that are farther apart differ at the 5 % level.
     friedman_p
@@ -93,6 +116,11 @@ class Ranks:
         """The mean rank of each algorithm, ascending."""
         mean: pd.Series[float] = self.rank.mean()
         return mean
+
+    def best(self) -> list[str]:
+        """Return the algorithm of the lowest mean rank, or all that share it."""
+        mean = self.mean
+        return [str(name) for name in mean.index if np.isclose(mean[name], mean.iloc[0])]
 
     def unlike_best(self) -> list[str]:
         """Return the algorithms whose mean rank differs from the best one."""
@@ -116,13 +144,18 @@ class Group:
         Paired differences of competitors and new rows, by label.
     summary
         One line a competitor or new row, those with a mean rank first: ``label, use, new, synthetic,
-        recorded, rank, beaten_share, won_share, over_best, seconds, unlike_settings``. Data sets count
-        alike in shares and in ``over_best``, the geometric mean of mean errors over the smallest one.
+        recorded, coverage, least_coverage, rank, beaten_share, won_share, over_best, seconds,
+        unlike_settings``. Data sets count alike in shares and in ``over_best``, a geometric mean.
     outcomes
-        One line an ordered pair of them: in how many data sets the interval of the paired difference is
-        below zero, ``better``, or above, ``worse``, of how many, ``n``.
+        One line an ordered pair of them and unit, ``world`` or ``sample``: in how many data sets the
+        interval of the paired difference is below zero, ``better``, or above, ``worse``, of how many, ``n``.
     ranks
         Over the largest complete block of data sets and algorithms; None where it is too small.
+    left_out
+        Data sets that are not in that block: ``study, family, kind, reason``. Empty without ranks.
+    sources
+        How many sources the data sets of the block have, or all of them without ranks: collections of
+        recordings, and synthetic studies. Data sets of one source depend on each other.
     """
 
     name: str
@@ -132,6 +165,8 @@ class Group:
     summary: pd.DataFrame
     outcomes: pd.DataFrame
     ranks: Ranks | None
+    left_out: pd.DataFrame
+    sources: int
 
 
 @dataclass(frozen=True)
@@ -162,7 +197,7 @@ def compare(studies: Sequence[StudyTables], accepted: Iterable[tuple[str, str]])
         Comparison(
             task,
             pd.concat([lines for _, lines in parts], ignore_index=True)[COLUMNS],
-            [_group(members) for members in _meeting([p for p in parts if p[1]["rank"].notna().any()])],
+            [_group(members) for members in _meeting([p for p in parts if p[1]["competes"].any()])],
         )
         for task, parts in found.items()
     ]
@@ -185,6 +220,12 @@ def study_lines(study: StudyTables, accepted: set[tuple[str, str]]) -> dict[str,
         (str(family), str(row)): (own["world"].to_numpy(), own["mean_m"].to_numpy(dtype=float))
         for (family, row), own in order.groupby(["family", "algorithm"], sort=False)
     }
+    differences_m = {
+        (str(family), str(row), str(against)): float(value)
+        for family, row, against, value in zip(
+            *(study.paired[name] for name in ("family", "algorithm", "against", "difference_m")), strict=True
+        )
+    }
     tasks: dict[str, list[dict[str, Any]]] = {}
     for line in study.table.to_dict("records"):
         row, family = str(line["algorithm"]), str(line["family"])
@@ -200,6 +241,7 @@ def study_lines(study: StudyTables, accepted: set[tuple[str, str]]) -> dict[str,
                 "use": entry.get("use", row),
                 "role": role,
                 "new": new,
+                "competes": False,
                 "worlds": int(line["worlds"]) if measured else 0,
                 "n": int(line["n"]) if measured else 0,
                 "interval_low_m": interval.low,
@@ -210,14 +252,20 @@ def study_lines(study: StudyTables, accepted: set[tuple[str, str]]) -> dict[str,
         )
     for lines in tasks.values():
         for family in dict.fromkeys(line["family"] for line in lines):
-            rivals = [
-                line
-                for line in lines
-                if line["family"] == family
-                and line["worlds"]
-                and (line["role"] == MAIN or _is_new_rival(line))
-            ]
-            _place(rivals, {line["algorithm"]: per_world[(family, line["algorithm"])] for line in rivals})
+            answering = [line for line in lines if line["family"] == family and line["worlds"]]
+            # What nobody answers is unknown here: the row that answers most stands for all samples.
+            samples = max((_samples(line) for line in answering), default=0)
+            for own in answering:
+                own["coverage"] = _samples(own) / samples if samples else np.nan
+                own["competes"] = own["role"] == MAIN or _is_new_rival(own)
+            rivals = [line for line in answering if line["competes"]]
+            if rivals and samples >= LEAST_SAMPLES:
+                names = [line["algorithm"] for line in rivals]
+                _place(
+                    rivals,
+                    np.array([[differences_m.get((family, a, b), np.nan) for b in names] for a in names]),
+                    [per_world[(family, name)] for name in names],
+                )
     return {task: pd.DataFrame(lines, columns=COLUMNS) for task, lines in tasks.items()}
 
 
@@ -225,26 +273,75 @@ def _is_new_rival(line: Mapping[str, Any]) -> bool:
     return bool(line["new"]) and line["role"] == VARIANT
 
 
+def _samples(line: Mapping[str, Any]) -> int:
+    return int(line["n"]) * int(line["worlds"])
+
+
 def _place(
     rivals: Sequence[dict[str, Any]],
-    per_world: Mapping[str, tuple[NDArray[Any], NDArray[np.float64]]],
+    difference_m: NDArray[np.float64],
+    per_world: Sequence[tuple[NDArray[Any], NDArray[np.float64]]],
 ) -> None:
-    """Write the ranks and shares of those that compete on one data set into their lines."""
-    if not rivals:
-        return
-    mean_m = np.array([line["mean_m"] for line in rivals])
-    smaller = (mean_m < mean_m[:, None]).sum(axis=1)
-    equal = (mean_m == mean_m[:, None]).sum(axis=1)
-    worlds = np.unique(np.concatenate([own for own, _ in per_world.values()]))
-    errors_m = np.full((len(worlds), len(rivals)), np.nan)
-    for column, (own, values) in enumerate(per_world.values()):
-        errors_m[np.searchsorted(worlds, own), column] = values
-    won = worlds_won(errors_m)
-    for number, line in enumerate(rivals):
-        line["rank"] = float(smaller[number] + (equal[number] + 1) / 2)
+    """Write the ranks and shares of those that compete on one data set into their lines.
+
+    Parameters
+    ----------
+    rivals
+        Their lines.
+    difference_m
+        Mean error of each minus that of each at common samples, [rival, rival]; NaN where there are none.
+    per_world
+        World and mean error of each.
+    """
+    rank = difference_ranks(difference_m, np.array([line["mean_m"] for line in rivals]))
+    for line, own in zip(rivals, rank, strict=True):
+        line["rank"] = float(own)
         if len(rivals) > 1:
             line["beaten_share"] = (len(rivals) - line["rank"]) / (len(rivals) - 1)
-            line["worlds_won_share"] = float(won[number])
+    # A mean over a row's own samples says nothing beside one over others, and worlds have no paired ones.
+    whole = [number for number, line in enumerate(rivals) if _is_whole(line)]
+    if len(whole) > 1:
+        worlds = np.unique(np.concatenate([per_world[number][0] for number in whole]))
+        errors_m = np.full((len(worlds), len(whole)), np.nan)
+        for column, number in enumerate(whole):
+            own_worlds, values = per_world[number]
+            errors_m[np.searchsorted(worlds, own_worlds), column] = values
+        for number, share in zip(whole, worlds_won(errors_m), strict=True):
+            rivals[number]["worlds_won_share"] = float(share)
+    # Of whole rows these are their mean errors; others are brought to all samples by their difference.
+    most = min(range(len(rivals)), key=lambda i: (-rivals[i]["coverage"], rivals[i]["mean_m"]))
+    difference_m = np.where(np.eye(len(rivals), dtype=bool), 0.0, difference_m)
+    likened_m = _positive(rivals[most]["mean_m"] + difference_m[:, most])
+    if not np.isnan(likened_m).all():
+        for line, own in zip(rivals, likened_m / np.nanmin(likened_m), strict=True):
+            line["over_best"] = float(own)
+
+
+def _is_whole(line: Mapping[str, Any]) -> bool:
+    return bool(line["coverage"] >= LEAST_COVERAGE)
+
+
+def difference_ranks(difference_m: NDArray[np.float64], mean_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the rank of each algorithm on a data set from paired differences; 1 is the smallest error.
+
+    A rank is one more than the number of algorithms with a smaller error at the samples that both have;
+    equal ones count half, and so do those that have no sample in common. Where all answer at the same
+    samples, these are the ranks of the mean errors. Ranks of a data set sum up alike in any case.
+
+    Parameters
+    ----------
+    difference_m
+        Mean error of the former minus that of the latter, [..., former, latter]; NaN where nothing is
+        common. The diagonal does not count.
+    mean_m
+        Mean errors, [..., algorithm], which say what difference is none.
+    """
+    same = np.eye(difference_m.shape[-1], dtype=bool)
+    tie_m = TIE * np.maximum(mean_m[..., :, None], mean_m[..., None, :])
+    larger = (difference_m > tie_m) & ~same
+    equal = ~(np.abs(difference_m) > tie_m) & ~same
+    rank: NDArray[np.float64] = 1 + larger.sum(axis=-1) + equal.sum(axis=-1) / 2
+    return rank
 
 
 def roles(
@@ -288,7 +385,7 @@ def roles(
 def worlds_won(mean_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the share of worlds in which each algorithm has the smallest value; equal ones share a world.
 
-    Values are equal to the six digits that tables have: two algorithms may find one answer on two ways.
+    Two algorithms may find one answer on two ways, so that values within ``TIE`` are equal.
 
     Parameters
     ----------
@@ -335,39 +432,44 @@ def complete_block(present: Mapping[DataSet, Iterable[str]]) -> Block | None:
     return best
 
 
-def ranks(mean_m: pd.DataFrame) -> Ranks:
+def mean_ranks(rank: pd.DataFrame) -> Ranks:
     """Return mean ranks with Nemenyi's critical difference, as Demsar (2006) compares classifiers.
 
     Parameters
     ----------
-    mean_m
-        One line a data set, one column an algorithm, complete.
+    rank
+        Ranks inside each data set: one line a data set, one column an algorithm, complete.
     """
     # These two take longer to import than all the rest of a comparison to run.
     from scipy.stats import friedmanchisquare, studentized_range
 
-    data_sets, algorithms = mean_m.shape
-    rank = mean_m.rank(axis=1)
+    data_sets, algorithms = rank.shape
+    values = rank.to_numpy(dtype=float)
     quantile = studentized_range.ppf(CONFIDENCE, algorithms, np.inf) / np.sqrt(2)
+    # Friedman's statistic divides by zero where all are equal everywhere: nothing speaks for a difference.
+    tied = bool((values == values[:, :1]).all())
     return Ranks(
         rank[rank.mean().sort_values(kind="stable").index],
         float(quantile * np.sqrt(algorithms * (algorithms + 1) / (6 * data_sets))),
-        float(friedmanchisquare(*mean_m.to_numpy(dtype=float).T).pvalue),
+        1.0 if tied else float(friedmanchisquare(*values.T).pvalue),
     )
 
 
 def paired_outcomes(pairs: pd.DataFrame) -> pd.DataFrame:
-    """Return in how many data sets a row's paired difference is clear of zero, by ordered pair.
+    """Return in how many data sets a row's paired difference is clear of zero, by ordered pair and unit.
+
+    Units stay apart: samples of a place depend on each other, so that intervals over them are too narrow
+    and clear of zero more often than those over worlds.
 
     Parameters
     ----------
     pairs
-        Paired differences with the columns ``label``, ``against``, ``low_m``, ``high_m`` and ``n``; those
-        of a single sample say nothing and count nowhere.
+        Paired differences with the columns ``label``, ``against``, ``unit``, ``low_m``, ``high_m`` and
+        ``n``; those of a single sample or world say nothing and count nowhere.
     """
     own = pairs[pairs["n"] > 1]
     marked = own.assign(better=own["high_m"] < 0, worse=own["low_m"] > 0, data_sets=1)
-    counted = marked.groupby(["label", "against"], sort=False)[["better", "worse", "data_sets"]].sum()
+    counted = marked.groupby(["label", "against", "unit"], sort=False)[["better", "worse", "data_sets"]].sum()
     return counted.astype(int).rename(columns={"data_sets": "n"}).reset_index()
 
 
@@ -432,30 +534,65 @@ def _group(parts: Sequence[Part]) -> Group:
         row if uses[row] == 1 else f"{row} ({use})"
         for row, use in zip(lines["algorithm"], lines["use"], strict=True)
     ]
-    ran = lines[lines["rank"].notna()]
-    wide = ran.pivot_table(index=["study", "family"], columns="label", values="mean_m", sort=False)
-    block = complete_block(
-        {
-            (str(key[0]), str(key[1])): own["label"]
-            for key, own in ran.groupby(["study", "family"], sort=False)
-        }
-    )
-    ranked = None if block is None else ranks(wide.reindex(block.data_sets)[block.algorithms])
+    ran = lines[lines["competes"]]
     labels = {
         (str(s), str(a)): str(x) for s, a, x in zip(ran["study"], ran["algorithm"], ran["label"], strict=True)
     }
     pairs = pd.concat([_pairs(study, labels) for study, _ in parts], ignore_index=True)
+    fit = ran[ran["rank"].notna() & (ran["coverage"] >= LEAST_COVERAGE)]
+    block = complete_block(
+        {(str(s), str(f)): own["label"] for (s, f), own in fit.groupby(["study", "family"], sort=False)}
+    )
+    ranked = None if block is None else _block_ranks(block, ran, pairs)
     settings = {label: _settings(parts, own) for label, own in ran.groupby("label", sort=False)}
-    summary = _summary(ran, ranked, settings)
+    inside = list(dict.fromkeys(_keys(ran))) if block is None else block.data_sets
+    sources = {study.study: study.sources for study, _ in parts}
     return Group(
         name=parts[0][0].study,
         titles={study.study: study.title for study, _ in parts},
         lines=lines,
         pairs=pairs,
-        summary=summary,
+        summary=_summary(ran, ranked, settings),
         outcomes=paired_outcomes(pairs),
         ranks=ranked,
+        left_out=_left_out(ran, block),
+        sources=len({sources[study].get(family, f"study {study}") for study, family in inside}),
     )
+
+
+def _keys(lines: pd.DataFrame) -> list[DataSet]:
+    return [(str(study), str(family)) for study, family in zip(lines["study"], lines["family"], strict=True)]
+
+
+def _block_ranks(block: Block, ran: pd.DataFrame, pairs: pd.DataFrame) -> Ranks:
+    """Return the ranks among the algorithms of a block alone, from paired differences."""
+    mean_m = ran.pivot(index=["study", "family"], columns="label", values="mean_m")
+    wide = pairs.pivot(index=["study", "family", "label"], columns="against", values="difference_m")
+    shape = (len(block.data_sets), len(block.algorithms), len(block.algorithms))
+    order = [(*data_set, label) for data_set in block.data_sets for label in block.algorithms]
+    difference_m = wide.reindex(order)[block.algorithms].to_numpy(dtype=float).reshape(shape)
+    own_m = mean_m.reindex(block.data_sets)[block.algorithms]
+    rank = difference_ranks(difference_m, own_m.to_numpy(dtype=float))
+    return mean_ranks(pd.DataFrame(rank, index=own_m.index, columns=own_m.columns))
+
+
+ONE_SAMPLE, REFUSED, ABSENT = "one sample", "samples unanswered", "not run there"
+"""Why a data set is not in the block of ranks."""
+
+
+def _left_out(ran: pd.DataFrame, block: Block | None) -> pd.DataFrame:
+    """Return the data sets outside the block, with what keeps them out."""
+    found = []
+    if block is not None:
+        for (study, family), own in ran.groupby(["study", "family"], sort=False):
+            if (str(study), str(family)) in block.data_sets:
+                continue
+            if own["rank"].isna().all():
+                reason = ONE_SAMPLE
+            else:
+                reason = REFUSED if set(block.algorithms) <= set(own["label"]) else ABSENT
+            found.append((str(study), str(family), str(own["kind"].iloc[0]), reason))
+    return pd.DataFrame(found, columns=["study", "family", "kind", "reason"])
 
 
 def _pairs(study: StudyTables, labels: Mapping[tuple[str, str], str]) -> pd.DataFrame:
@@ -480,8 +617,7 @@ def _settings(parts: Sequence[Part], lines: pd.DataFrame) -> list[dict[str, Any]
 def _summary(
     ran: pd.DataFrame, ranked: Ranks | None, settings: Mapping[Any, Sequence[Mapping[str, Any]]]
 ) -> pd.DataFrame:
-    best_m = ran.groupby(["study", "family"])["mean_m"].transform("min")
-    ran = ran.assign(log_over_best=np.log(_positive(ran["mean_m"]) / _positive(best_m)))
+    ran = ran.assign(log_over_best=np.log(ran["over_best"].astype(float)))
     lines = []
     for label, own in ran.groupby("label", sort=False):
         lines.append(
@@ -491,6 +627,8 @@ def _summary(
                 "new": bool(own["new"].any()),
                 "synthetic": int((own["kind"] == "synthetic").sum()),
                 "recorded": int((own["kind"] == "recorded").sum()),
+                "coverage": own["coverage"].mean(),
+                "least_coverage": own["coverage"].min(),
                 "beaten_share": own["beaten_share"].mean(),
                 "won_share": own["worlds_won_share"].mean(),
                 "over_best": float(np.exp(own["log_over_best"].mean())),
@@ -504,7 +642,6 @@ def _summary(
     )
 
 
-def _positive(values: "pd.Series[float]") -> NDArray[np.float64]:
+def _positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return values for a quotient: an error of zero has none."""
-    numbers = values.to_numpy(dtype=float)
-    return np.where(numbers > 0, numbers, np.nan)
+    return np.where(values > 0, values, np.nan)

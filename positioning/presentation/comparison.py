@@ -12,13 +12,20 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from positioning.evaluation.comparison import (
+    ABSENT,
     CONTROL,
     LEAST_ALGORITHMS,
+    LEAST_COVERAGE,
     LEAST_DATA_SETS,
     MAIN,
+    ONE_SAMPLE,
+    REFUSED,
+    SAMPLE,
     VARIANT,
+    WORLD,
     Comparison,
     Group,
+    Ranks,
 )
 from positioning.files import read_json
 from positioning.presentation import figures, tables
@@ -33,6 +40,26 @@ SINGLE_PANELS = 4
 NEW = " (new)"
 TIMES = " \N{MULTIPLICATION SIGN}"
 PANELS_A_ROW = 3
+
+TOO_NARROW = (
+    "Samples of one place depend on each other: these intervals are too narrow, and clear of zero more often"
+    " than those over worlds."
+)
+OVER = {
+    WORLD: "Synthetic families of several worlds, intervals over independent worlds.",
+    SAMPLE: (
+        f"Recordings and single worlds, intervals over samples. {TOO_NARROW} Several recordings of one place"
+        " count as several."
+    ),
+}
+"""What is said of paired differences, by what they are over."""
+
+LEFT_OUT = {
+    REFUSED: f"where a ranked row answers less than {100 * LEAST_COVERAGE:.0f} % of the samples",
+    ABSENT: "where a ranked row did not run",
+    ONE_SAMPLE: "of one error alone",
+}
+"""Which data sets are not in the mean ranks, in the order of telling."""
 
 
 def draw(compared: Iterable[Comparison]) -> list[Drawn]:
@@ -83,7 +110,12 @@ def page(
             manifest={key: value for key, value in manifest.items() if not isinstance(value, Mapping)},
             versions=manifest.get("packages", {}),
             seconds=sum(_numbers(manifest.get("seconds_by_rule", {}))),
-            least={"algorithms": LEAST_ALGORITHMS, "data_sets": LEAST_DATA_SETS},
+            least={
+                "algorithms": LEAST_ALGORITHMS,
+                "data_sets": LEAST_DATA_SETS,
+                "coverage": answered(LEAST_COVERAGE),
+            },
+            too_narrow=TOO_NARROW,
             quick=quick,
         )
     )
@@ -92,6 +124,11 @@ def page(
 def percent(share: float) -> str:
     """Return a share in per cent, a dash where there is none."""
     return tables.NOTHING if math.isnan(share) else f"{100 * share:.0f} %"
+
+
+def answered(share: float) -> str:
+    """Return a share of samples in per cent, rounded down: only all of them are 100 %."""
+    return tables.NOTHING if math.isnan(share) else f"{math.floor(100 * share + 1e-9)} %"
 
 
 def duration(seconds: float) -> str:
@@ -104,21 +141,79 @@ def duration(seconds: float) -> str:
 
 
 def answer(group: Group) -> str:
-    """Return in one sentence which algorithm is ahead, and which are not told apart from it."""
+    """Return which algorithm is ahead, how it does against the next one, and what the ranks leave out."""
     if group.ranks is None:
         return (
-            f"{_counted(group)}; too few data sets share three algorithms for a critical difference,"
-            " so that the paired differences decide."
+            f"{_counted(group)}; too few data sets share {LEAST_ALGORITHMS} algorithms that answer the same"
+            " samples for a critical difference, so that the paired differences decide."
         )
-    mean = group.ranks.mean
-    best, unlike = str(mean.index[0]), group.ranks.unlike_best()
-    alike = [str(name) for name in mean.index[1:] if name not in unlike]
+    mean, best = group.ranks.mean, group.ranks.best()
     told = (
-        f"Lowest mean rank over {len(group.ranks.rank)} data sets: {best} ({mean.iloc[0]:.1f} of {len(mean)})"
+        f"Lowest mean rank over {len(group.ranks.rank)} data sets: {_listed(best)}"
+        f" ({mean.iloc[0]:.1f} of {len(mean)})"
     )
+    unlike = group.ranks.unlike_best()
+    alike = [str(name) for name in mean.index if name not in unlike and name not in best]
     if alike:
-        return f"{told}; {_listed(alike)} {'is' if len(alike) == 1 else 'are'} not told apart from it."
-    return f"{told}, told apart from all others."
+        told += (
+            f"; {_listed(alike)} {'is' if len(alike) == 1 else 'are'} not told apart from"
+            f" {'it' if len(best) == 1 else 'them'} by mean ranks alone"
+        )
+    elif unlike:
+        told += ", told apart from all others"
+    return " ".join([f"{told}.", _against_second(group, mean), _left_out(group)]).strip()
+
+
+def _against_second(group: Group, mean: "pd.Series[float]") -> str:
+    """Return the paired outcomes of the best mean rank against the next one, by unit."""
+    first, second = str(mean.index[0]), str(mean.index[1])
+    own = group.outcomes[(group.outcomes["label"] == first) & (group.outcomes["against"] == second)]
+    found = {line["unit"]: line for line in tables.records(own)}
+    told = [
+        f"{line['better']}:{line['worse']} of {line['n']} data set{'s' * (line['n'] != 1)} over {unit}s"
+        for unit in (WORLD, SAMPLE)
+        if (line := found.get(unit)) is not None
+    ]
+    if not told:
+        return ""
+    return (
+        f"Paired with {second}, next in rank, the error of {first} is clearly smaller : larger in"
+        f" {_listed(told)}."
+    )
+
+
+def _left_out(group: Group) -> str:
+    counts = group.left_out["reason"].value_counts()
+    told = [f"{counts[reason]} {text}" for reason, text in LEFT_OUT.items() if counts.get(reason, 0)]
+    return f"Data sets left out of the ranks: {_listed(told)}." if told else ""
+
+
+def reservation(group: Group) -> str:
+    """Return Friedman's p and Nemenyi's critical difference, with what they cannot know."""
+    if group.ranks is None:
+        return ""
+    return (
+        f"Friedman's test: p = {_probability(group.ranks.friedman_p)}; Nemenyi's critical difference:"
+        f" {group.ranks.critical_difference:.2f} ranks. {_dependent(group, group.ranks)}"
+        + (
+            " Rows without a mean rank ran, or answered enough samples, in too few of the data sets."
+            if group.summary["rank"].isna().any()
+            else ""
+        )
+    )
+
+
+def _dependent(group: Group, ranked: Ranks) -> str:
+    """Return how far from independent the data sets are that the tests take for independent."""
+    data_sets = len(ranked.rank)
+    told = "Both take data sets for independent."
+    if group.sources < data_sets:
+        told += (
+            f" These {data_sets} are of {group.sources} source{'s' * (group.sources != 1)}, collections of"
+            " recordings or synthetic studies: several of one place, device or simulation count as several,"
+            " so that p and the critical difference are too small."
+        )
+    return told
 
 
 def _counted(group: Group) -> str:
@@ -137,8 +232,8 @@ def _data_sets(lines: pd.DataFrame) -> list[tuple[str, str]]:
 
 
 def _competing(lines: pd.DataFrame) -> pd.DataFrame:
-    """Return the lines that were measured and stand in rankings: only these have a rank."""
-    return lines[lines["rank"].notna()]
+    """Return the lines that were measured and compete: only these may have a rank."""
+    return lines[lines["competes"]]
 
 
 def _numbers(values: Any) -> list[float]:
@@ -193,7 +288,7 @@ def _ranks(task: Comparison, group: Group) -> Drawn | None:
         min(1.0, float(mean.iloc[0]) - half) - 0.2, max(len(mean), float(mean.iloc[-1]) + half) + 0.2
     )
     axes.set_xticks(range(1, len(mean) + 1))
-    axes.set_xlabel("rank by mean error, 1 is the smallest")
+    axes.set_xlabel("rank by error at common samples, 1 is the smallest")
     studies = list(dict.fromkeys(str(study) for study, _ in rank.index))
     told = "; ".join(f"{label} {value:.2f}" for label, value in mean.items())
     return Drawn(
@@ -202,11 +297,13 @@ def _ranks(task: Comparison, group: Group) -> Drawn | None:
         title="Mean ranks",
         caption=(
             f"{len(mean)} algorithms on the {len(rank)} data sets of {_listed(studies)} in which all of them"
-            " ran. Large marker: mean rank; small dots: ranks in single data sets, larger where several"
-            f" agree. The bar reaches half of Nemenyi's critical difference ({2 * half:.2f} ranks) to either"
-            " side: two algorithms differ at the 5 % level where their bars do not overlap; the grey band is"
-            f" that of the best. Friedman's test: p = {_probability(group.ranks.friedman_p)}. The tests take"
-            " data sets for independent; those of one study share places, devices or worlds."
+            f" answer at least {answered(LEAST_COVERAGE)} of the samples; ranks are of paired differences at"
+            " common samples. Large marker: mean rank; small dots: ranks in single data sets, larger where"
+            " several agree. The bar reaches half of Nemenyi's critical difference"
+            f" ({2 * half:.2f} ranks) to either side: two algorithms differ at the 5 % level where their bars"
+            " do not overlap; the grey band is that of the best."
+            f" Friedman's test: p = {_probability(group.ranks.friedman_p)}."
+            f" {_dependent(group, group.ranks)}"
         ),
         alt=f"Mean ranks, best first: {told}. Critical difference {2 * half:.2f}.",
     )
@@ -293,7 +390,6 @@ def _panels(lines: pd.DataFrame, study: str, named: bool) -> list[tuple[str, pd.
     kept = own[(own["role"] != CONTROL) | (own["algorithm"] == "control_oracle")]
     if kept.empty:
         return []
-    kept = kept.assign(competes=kept["rank"].notna())
     families = list(dict.fromkeys(kept["family"].astype(str)))
     if len(families) <= SINGLE_PANELS:
         title = study if len(families) == 1 else f"{study}: {{}}" if named else "{}"
@@ -410,19 +506,17 @@ def _in_order(lines: pd.DataFrame) -> list[dict[str, Any]]:
     places = {MAIN: 0, VARIANT: 1, CONTROL: 2}
 
     def place(line: Mapping[str, Any]) -> tuple[int, int, float]:
-        competes = not math.isnan(line["rank"])
         return (
             order[(line["study"], line["family"])],
-            0 if competes else places[line["role"]],
-            line["rank"] if competes else line["mean_m"],
+            0 if line["competes"] else places[line["role"]],
+            line["mean_m"] if math.isnan(line["rank"]) else line["rank"],
         )
 
     return sorted(tables.records(lines[lines["worlds"] > 0]), key=place)
 
 
 def _line(line: Mapping[str, Any]) -> dict[str, Any]:
-    competes = not math.isnan(line["rank"])
-    role = MAIN if competes else line["role"]
+    role = MAIN if line["competes"] else line["role"]
     low, high = line["interval_low_m"], line["interval_high_m"]
     return {
         **line,
@@ -433,7 +527,8 @@ def _line(line: Mapping[str, Any]) -> dict[str, Any]:
         ],
         "mean": tables.metres(line["mean_m"]),
         "span": "" if math.isnan(low) else f"{tables.metres(low)} to {tables.metres(high)}",
-        "rank_text": f"{line['rank']:g}" if competes else tables.NOTHING,
+        "rank_text": tables.NOTHING if math.isnan(line["rank"]) else f"{line['rank']:g}",
+        "answered": answered(line["coverage"]),
         "won": percent(line["worlds_won_share"]),
         "time": duration(line["seconds"]),
     }
@@ -441,12 +536,23 @@ def _line(line: Mapping[str, Any]) -> dict[str, Any]:
 
 def _group(task: Comparison, group: Group, pictures: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     labels = [str(label) for label in group.summary["label"]]
-    outcomes = {(line["label"], line["against"]): line for line in tables.records(group.outcomes)}
     return {
         "name": f"{task.task}-{group.name}",
         "titles": group.titles,
         "alone": len(labels) < 2,
         "answer": answer(group),
+        "reservation": reservation(group),
+        "left_out": [
+            {
+                "reason": text,
+                "places": [
+                    f"{study}: {family} ({'synthetic' if kind == 'synthetic' else 'real'})"
+                    for study, family, kind in zip(own["study"], own["family"], own["kind"], strict=True)
+                ],
+            }
+            for reason, text in LEFT_OUT.items()
+            if len(own := group.left_out[group.left_out["reason"] == reason])
+        ],
         "counted": _counted(group),
         "summary": [_summary(line) for line in tables.records(group.summary)],
         "with_ranks": group.ranks is not None,
@@ -455,11 +561,9 @@ def _group(task: Comparison, group: Group, pictures: Mapping[str, Mapping[str, A
         "labels": labels,
         "new": set(group.summary.loc[group.summary["new"], "label"]),
         "outcomes": [
-            {
-                "label": row,
-                "cells": [_outcome(outcomes.get((row, column)), row == column) for column in labels],
-            }
-            for row in labels
+            _outcomes(group.outcomes[group.outcomes["unit"] == unit], unit, labels)
+            for unit in (WORLD, SAMPLE)
+            if (group.outcomes["unit"] == unit).any()
         ],
         "matrices": [
             _matrix(own, str(study), str(family), labels)
@@ -476,9 +580,31 @@ def _summary(line: Mapping[str, Any]) -> dict[str, Any]:
         "rank_text": tables.decimals(line["rank"]),
         "beaten": percent(line["beaten_share"]),
         "won": percent(line["won_share"]),
+        "answered": answered(line["coverage"]),
+        "least_answered": (
+            f"least {answered(line['least_coverage'])}" if line["least_coverage"] < LEAST_COVERAGE else ""
+        ),
         "over": tables.decimals(line["over_best"]) + ("" if math.isnan(line["over_best"]) else TIMES),
         "time": duration(line["seconds"]),
         "under": line["use"] if line["use"] != line["label"] else "",
+    }
+
+
+def _outcomes(own: pd.DataFrame, unit: str, labels: Sequence[str]) -> dict[str, Any]:
+    """Return in how many data sets paired differences over one unit are clear of zero, as a matrix."""
+    found = {(line["label"], line["against"]): line for line in tables.records(own)}
+    present = [label for label in labels if any(label == row for row, _ in found)]
+    return {
+        "unit": unit,
+        "told": OVER[unit],
+        "labels": present,
+        "rows": [
+            {
+                "label": row,
+                "cells": [_outcome(found.get((row, column)), row == column) for column in present],
+            }
+            for row in present
+        ],
     }
 
 
@@ -499,6 +625,7 @@ def _matrix(pairs: pd.DataFrame, study: str, family: str, labels: Sequence[str])
         "study": study,
         "family": family,
         "unit": unit,
+        "warning": TOO_NARROW if unit == SAMPLE else "",
         "n": _range(pairs.loc[pairs["n"] > 1, "n"]),
         "labels": present,
         "rows": [

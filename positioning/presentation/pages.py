@@ -234,7 +234,10 @@ def _family(name: str, rows: Sequence[Row], report: Report) -> dict[str, Any]:
     """Return everything that is told of one family of worlds or one recording."""
     own = [row for row in rows if row.family == name]
     reference, entries = report.plan["reference"], report.plan["entries"]
-    comparable = {reference, *report.paired.loc[report.paired["against"] == reference, "algorithm"]}
+    # Rows of another measure are not paired with the row of reference; a family may be without that row.
+    paired = report.paired[report.paired["family"] == name]
+    near = paired.loc[paired["against"] == reference, "algorithm"]
+    comparable = {reference, *near} if len(near) else set(paired["algorithm"])
     best = tables.best_row([row for row in own if row.algorithm in comparable], entries)
     competitors = list(dict.fromkeys([reference, *([best] if best else [])]))
     return {

@@ -32,6 +32,7 @@ def read_study(study: str, plan: Mapping[str, Any], files: Mapping[str, str]) ->
         paired=tables.read_table(files["paired"]),
         times=times[times["value"].isna()],
         worlds=worlds[worlds["value"].isna()].rename(columns={"x": "mean_m"}),
+        sources={name: options["source"] for name, options in plan["recordings"].items()},
     )
 
 
