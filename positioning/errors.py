@@ -1,6 +1,7 @@
 """The one error that users of Reposition meet: it names the thing, the limit and the cure."""
 
-from numbers import Integral
+from math import isfinite
+from numbers import Integral, Real
 from typing import Any, Self
 
 
@@ -58,7 +59,7 @@ def refusal(thing: str, reason: str) -> InputError:
     return InputError(thing, str(reason), getattr(reason, "cure", "Leave these data out"))
 
 
-def check_whole(name: str, value: Any) -> None:
+def check_whole(name: str, value: Any, *, least: int | None = None) -> None:
     """Refuse a setting that is no whole number.
 
     Parameters
@@ -67,11 +68,50 @@ def check_whole(name: str, value: Any) -> None:
         The setting.
     value
         What it was set to.
+    least
+        The smallest number that it may be; None = any.
 
     Raises
     ------
     InputError
         For anything else, a text or 4.0 as well.
     """
-    if not isinstance(value, Integral) or isinstance(value, bool):
-        raise InputError(f"{name}={value!r}", "it is not a whole number", f"Give {name} as a whole number")
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    if not whole or (least is not None and value < least):
+        from_least = "" if least is None else f" from {least}"
+        cure = f"Give {name} as a whole number{from_least}"
+        raise InputError(f"{name}={value!r}", f"it is not a whole number{from_least}", cure)
+
+
+def check_number(name: str, value: Any, *, least: float | None = None, above: float | None = None) -> None:
+    """Refuse a setting that is no finite number.
+
+    Parameters
+    ----------
+    name
+        The setting.
+    value
+        What it was set to.
+    least, above
+        The smallest number that it may be, or one below all that it may be; None = any.
+
+    Raises
+    ------
+    InputError
+        For anything else, a number as text as well.
+    """
+    number = isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+    if number and (least is None or value >= least) and (above is None or value > above):
+        return
+    words = "" if least is None else f" from {_words(least)}"
+    words += "" if above is None else f" above {_words(above)}"
+    as_text = isinstance(value, str)
+    raise InputError(
+        f"{name}={value!r}",
+        f"it is {'text, ' if as_text else ''}not a finite number{words}",
+        f"Give {name} as a number{words}" + (", without quotes" if as_text else ""),
+    )
+
+
+def _words(number: float) -> str:
+    return f"{number:g}" if number else "zero"

@@ -187,6 +187,31 @@ def nearest_members(distance_db: Array, count: int, member: Mask | None = None, 
     return order
 
 
+def checked_survey(rss_dbm: ArrayLike, position_m: ArrayLike, least: int = 1) -> tuple[Array, Array]:
+    """Return fingerprints and their positions as arrays that can train.
+
+    See Mirzababaei & Akbari, section 6.
+
+    Parameters
+    ----------
+    rss_dbm
+        Received signal strength, [n, ap], dBm; NaN = not heard.
+    position_m
+        Where each fingerprint was taken, [n, 2], metres.
+    least
+        The smallest number of fingerprints.
+
+    Raises
+    ------
+    InputError
+        If the survey cannot be used.
+    """
+    rss = np.asarray(rss_dbm, dtype=np.float64)
+    position = np.asarray(position_m, dtype=np.float64)
+    Survey(rss_dbm=rss, position_m=position).check("training survey", least)
+    return rss, position
+
+
 class FingerprintRegressor(Regressor):
     """A scikit-learn regressor from fingerprints to positions: the checks that all of them share.
 
@@ -196,9 +221,7 @@ class FingerprintRegressor(Regressor):
 
     def _training(self, rss_dbm: ArrayLike, position_m: ArrayLike, least: int = 1) -> tuple[Array, Array]:
         """Return a checked survey and remember its number of access points."""
-        rss = np.asarray(rss_dbm, dtype=np.float64)
-        position = np.asarray(position_m, dtype=np.float64)
-        Survey(rss_dbm=rss, position_m=position).check("training survey", least)
+        rss, position = checked_survey(rss_dbm, position_m, least)
         self.n_features_in_ = rss.shape[1]
         return rss, position
 

@@ -68,7 +68,7 @@ def minimise_together(
     value_tolerance
         A problem ends with a step that lowers the value by less, relative to the larger of value and 1.
     memory
-        How many of the latest steps describe the curvature.
+        How many of the latest steps that had a curvature describe it.
 
     Raises
     ------
@@ -112,9 +112,13 @@ def minimise_together(
         product, length = np.sum(step * change, axis=1), np.sum(change * change, axis=1)
         # Too little curvature along the step to learn from.
         known = product > -_EPSILON * slope
-        step_of[slot, at], change_of[slot, at] = step, change
-        weight[slot] = 0.0
-        weight[slot, at] = np.where(known, 1.0 / np.where(known, product, 1.0), 0.0)
+        # A pair that is skipped drops no older one: those move on with the slots.
+        skipped, learned = at[~known], at[known]
+        if len(skipped):
+            for kept in (step_of, change_of, weight):
+                kept[:, skipped] = np.roll(kept[:, skipped], 1, axis=0)
+        step_of[slot, learned], change_of[slot, learned] = step[known], change[known]
+        weight[slot, learned] = 1.0 / product[known]
         scale[at] = np.where(known, product / np.where(known, length, 1.0), scale[at])
         slot = (slot + 1) % memory
         point[at], value[at], gradient[at] = trial, trial_value, trial_gradient

@@ -1,14 +1,15 @@
 """What algorithms that align walks share: a graph of all poses, WiFi edges, walks placed by matched scans."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from positioning.errors import InputError, check_whole
+from positioning.errors import InputError, check_number, check_whole
 from positioning.geometry import rigid_fit, rotated
 from positioning.model import Aligned, Array, Walks
 from positioning.posegraph.graph import PoseGraph
@@ -78,12 +79,71 @@ class Placed(NamedTuple):
         Number of the walk whose frame that is, [k]; a walk that is joined to no other has its own.
     matches
         Matched scans that agreed when the walk was joined, [k]; 0 for one whose frame stays.
+    reason
+        Why a walk is not joined to the reference, in words, [k], empty for those that are; None = not told.
     """
 
     turn_rad: Array
     shift_m: Array
     part: Indices
     matches: Indices
+    reason: NDArray[np.str_] | None = None
+
+
+class Placing(Protocol):
+    """What can be the part ``alignment`` of an algorithm: it says where walks lie, as `place_walks` does."""
+
+    def placed(self, poses: Poses, rng: np.random.Generator) -> Placed:
+        """Return where the walks lie; one that is joined to no other keeps its frame.
+
+        Parameters
+        ----------
+        poses
+            All walks.
+        rng
+            The only source of randomness.
+        """
+
+
+def placed_by(alignment: Placing, poses: Poses, rng: np.random.Generator) -> Placed:
+    """Return where an algorithm places the walks.
+
+    Parameters
+    ----------
+    alignment
+        The algorithm.
+    poses
+        All walks.
+    rng
+        The only source of randomness.
+
+    Raises
+    ------
+    InputError
+        For what is no such algorithm, and for an answer that is no `Placed` or of the wrong shape.
+    """
+    if isinstance(alignment, type) or not callable(getattr(alignment, "placed", None)):
+        raise InputError(
+            f"alignment={alignment!r}",
+            "it has no method placed(poses, rng)",
+            "Give an algorithm that has one, RansacAlignment() for example",
+        )
+    placed = alignment.placed(poses, rng)
+    thing, walks = f"the answer of {type(alignment).__name__}.placed", len(poses.there)
+    if not isinstance(placed, Placed):
+        limit = f"it is a {type(placed).__name__}, a Placed of positioning.walk_alignment is needed"
+        raise InputError(thing, limit, "Correct the algorithm")
+    for name, shape in (
+        ("turn_rad", (walks,)),
+        ("shift_m", (walks, 2)),
+        ("part", (walks,)),
+        ("matches", (walks,)),
+    ):
+        found = np.shape(getattr(placed, name))
+        if found != shape:
+            limit = f"the shape is {found}, {shape} is needed"
+            raise InputError(f"{thing}, {name}", limit, "Correct the algorithm")
+    return placed
 
 
 def poses_of(walks: Walks) -> Poses:
@@ -176,12 +236,13 @@ def wifi_pairs(
         For settings outside their range.
     """
     for name, value in (("exclude_s", exclude_s), ("exclude_m", exclude_m)):
-        if not value >= 0:
-            raise InputError(f"{name}={value}", "it is not a number from zero", "Give zero to exclude none")
+        check_number(name, value, least=0)
     _check_window(window)
-    if threshold != "median" and (isinstance(threshold, str) or not 0 < threshold < np.inf):
-        cure = "Give 'median' or decibels above zero"
-        raise InputError(f"threshold={threshold!r}", "it is neither 'median' nor such a number", cure)
+    if threshold != "median":
+        if isinstance(threshold, str):
+            cure = "Give 'median' or decibels above zero"
+            raise InputError(f"threshold={threshold!r}", "it is neither 'median' nor a number", cure)
+        check_number("threshold", threshold, above=0)
     if decides not in ("later", "either", "both"):
         raise InputError(f"decides={decides!r}", "it is none of later, either and both", "Correct it")
     if not poses.heard.any():
@@ -253,29 +314,31 @@ def place_walks(
         For settings outside their range.
     """
     _check_window(window)
-    for name, value, above in (
-        ("inlier_m", inlier_m, 0.0),
-        ("segment_s", segment_s, 0.0),
-        ("hypotheses", hypotheses, 0),
-        ("least_matches", least_matches, 1),
-    ):
-        if not above < value < np.inf:
-            raise InputError(f"{name}={value}", f"it is not a number above {above:g}", "Correct it")
-    check_whole("hypotheses", hypotheses)
-    check_whole("least_matches", least_matches)
+    check_number("inlier_m", inlier_m, above=0)
+    check_number("segment_s", segment_s, above=0)
+    check_whole("hypotheses", hypotheses, least=1)
+    check_whole("least_matches", least_matches, least=2)
+    check_number("least_share", least_share)
     if not 0 <= least_share <= 1:
         raise InputError(f"least_share={least_share}", "it is not between 0 and 1", "Correct it")
     count = len(poses.there)
     matches = {}
     support = np.zeros((count, count), dtype=np.intp)
     relative: dict[tuple[int, int], tuple[float, Array]] = {}
+    best: dict[int, tuple[int, str]] = {}
     for one, two, first, second in _matches(poses, window):
         matches[one, two], matches[two, one] = (first, second), (second, first)
         found = _consensus(poses, second, first, rng, inlier_m, segment_s, hypotheses)
+        agreeing = 0 if found is None else found[2]
+        needed = max(least_matches, math.ceil(least_share * len(first)))
+        for own_walk, other_walk in ((one, two), (two, one)):
+            if len(first) and agreeing > best.get(own_walk, (-1, ""))[0]:
+                text = f"{agreeing} of {len(first)} matched scans agree with walk {other_walk}"
+                best[own_walk] = agreeing, f"{text}, {needed} are needed"
         if found is None:
             continue
-        turn_rad, shift_m, agreeing = found
-        if agreeing >= max(least_matches, least_share * len(first)):
+        turn_rad, shift_m, _ = found
+        if agreeing >= needed:
             support[one, two] = support[two, one] = agreeing
             relative[one, two] = (turn_rad, shift_m)
             relative[two, one] = (-turn_rad, -rotated(shift_m, -turn_rad))
@@ -312,7 +375,25 @@ def place_walks(
             if np.count_nonzero(agree) >= least_matches:
                 angle, move = rigid_fit(point_m, target_m, agree)
                 turn[walk], shift[walk] = float(angle), move
-    return Placed(turn_rad=turn, shift_m=shift, part=part, matches=joined_by)
+    reason = _reasons(poses, part, {walk: text for walk, (_, text) in best.items()})
+    return Placed(turn_rad=turn, shift_m=shift, part=part, matches=joined_by, reason=reason)
+
+
+def _reasons(poses: Poses, part: Indices, best: Mapping[int, str]) -> NDArray[np.str_]:
+    """Return why walks are not joined to the reference, empty for those that are."""
+    root = part[poses.walk[poses.reference]]
+    reasons = []
+    for walk, (own, heard) in enumerate(zip(part, poses.heard_by_walk, strict=True)):
+        others = np.flatnonzero((part == own) & (np.arange(len(part)) != walk))
+        if own == root:
+            reasons.append("")
+        elif not heard:
+            reasons.append("no scan hears an access point")
+        elif len(others):
+            reasons.append(f"joined to walk {int(others[0])}, which is not joined to the reference")
+        else:
+            reasons.append(best.get(walk, "no scan matches one of another walk"))
+    return np.array(reasons, dtype=np.str_)
 
 
 def moved(poses: Poses, turn_rad: Array, shift_m: Array) -> Array:
@@ -353,9 +434,7 @@ def in_reference_frame(poses: Poses, pose: Array, extra: dict[str, NDArray[np.ge
 
 
 def _check_window(window: int) -> None:
-    check_whole("window", window)
-    if window < 2:
-        raise InputError(f"window={window}", "it is less than two scans", "Lengthen the window")
+    check_whole("window", window, least=2)
 
 
 def _matches(poses: Poses, window: int) -> Iterator[tuple[int, int, Indices, Indices]]:

@@ -7,6 +7,8 @@ from positioning.errors import InputError
 from positioning.geometry import rotated
 from positioning.model import Array, Walks
 
+_MOST_TURN_RAD = 2 * np.pi
+
 
 def check_walks(walks: Walks) -> NDArray[np.bool_]:
     """Return which poses exist, [k, n], of walks that can be used.
@@ -22,7 +24,8 @@ def check_walks(walks: Walks) -> NDArray[np.bool_]:
     ------
     InputError
         For arrays that do not fit each other, a walk without a pose, times that do not increase or are
-        missing in between, poses that are not numbers, or infinite strengths.
+        missing in between, poses that are not numbers, headings that turn by more than a whole turn from one
+        pose to the next (degrees do), or strengths that are infinite or not below 0 dBm.
     """
     time_s = np.asarray(walks.time_s, dtype=np.float64)
     if time_s.ndim != 2 or time_s.size == 0:
@@ -43,14 +46,27 @@ def check_walks(walks: Walks) -> NDArray[np.bool_]:
             )
     length = np.count_nonzero(there, axis=1)
     _refuse("walks.time_s", length == 0, "the walk has no pose", "Leave it out")
-    behind = np.arange(time_s.shape[1]) >= length[:, None]
-    _refuse("walks.time_s", there & behind, "a time is missing before it", "Use NaN after the end only")
+    _refuse("walks.time_s", np.isinf(time_s), "the time is infinite", "Use NaN after the end of a walk")
+    last = time_s.shape[1] - 1 - np.argmax(there[:, ::-1], axis=1)
+    missing = ~there & (np.arange(time_s.shape[1]) < last[:, None])
+    _refuse("walks.time_s", missing, "the time is missing before the end", "Use NaN after the end only")
     with np.errstate(invalid="ignore"):
         backwards = np.diff(time_s, axis=1, prepend=-np.inf) <= 0
     _refuse("walks.time_s", backwards & there, "time does not increase", "Sort the poses by time")
-    unknown = ~np.isfinite(position_m).all(axis=-1) | ~np.isfinite(heading_rad)
-    _refuse("walks.position_m", unknown & there, "the pose is not a number", "Dead reckon every pose")
+    for name, known in (
+        ("position_m", np.isfinite(position_m).all(axis=-1)),
+        ("heading_rad", np.isfinite(heading_rad)),
+    ):
+        _refuse(f"walks.{name}", ~known & there, "the pose is not a number", "Dead reckon every pose")
+    # Wrapped headings may jump by nearly a whole turn, and people turn about between two scans.
+    turned = np.abs(np.diff(heading_rad, axis=1, prepend=heading_rad[:, :1])) > _MOST_TURN_RAD
+    cure = "Give headings in radians, not in degrees"
+    _refuse("walks.heading_rad", turned & there, "it is more than a whole turn from the pose before", cure)
     _refuse("walks.rss_dbm", np.isinf(rss_dbm), "a strength is infinite", "Use NaN for not heard")
+    with np.errstate(invalid="ignore"):
+        loud = rss_dbm >= 0
+    cure = "Use NaN for not heard, and dBm for what is"
+    _refuse("walks.rss_dbm", loud, "a strength is not below 0 dBm", cure)
     return there
 
 

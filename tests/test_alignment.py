@@ -1,6 +1,7 @@
 """The runner of alignment, what it is given, how it is scored, and the contract of every algorithm."""
 
 import importlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -143,6 +144,8 @@ def test_without_walks_nothing_runs() -> None:
     [
         (lambda p, h: (p[:, :-1], h), ["position_m", "shape", "Correct the algorithm"]),
         (lambda p, h: (p, h * np.nan), ["heading_rad[walk 0, pose 0]", "not finite"]),
+        (lambda p, h: ([[1, 2], [3]], h), ["position_m", "no array"]),
+        (lambda p, h: (p, h, 3), ["extra", "int", "dict"]),
     ],
 )
 def test_a_wrong_answer_is_refused(change, words) -> None:
@@ -155,6 +158,32 @@ def test_a_wrong_answer_is_refused(change, words) -> None:
     with pytest.raises(InputError) as error:
         alignment.run(Wrong, observed, None, {}, [stream(0, "a")])
     assert all(word in str(error.value) for word in words)
+
+
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [(lambda p, h: (p, h), "tuple"), (lambda p, h: p, "ndarray"), (lambda p, h: None, "NoneType")],
+)
+def test_an_answer_of_another_kind_is_told_what_is_needed(change, found: str) -> None:
+    class Wrong:
+        def align(self, walks: Walks, rng: np.random.Generator):
+            return change(walks.position_m, walks.heading_rad)
+
+    with pytest.raises(InputError, match=f"gave a {found}, an Aligned .* is needed.*Aligned\\(position_m="):
+        alignment.run(Wrong, stacked(1)[0], None, {}, [stream(0, "a")])
+
+
+def test_what_is_kept_in_one_world_is_kept_in_all() -> None:
+    class Moody:
+        def align(self, walks: Walks, rng: np.random.Generator) -> Aligned:
+            kept = {"a": np.zeros(2)} if walks.rss_dbm[0, 0, 0] == first else {}
+            return Aligned(walks.position_m, walks.heading_rad, kept)
+
+    observed, _ = stacked()
+    first = observed["walks.rss_dbm"][0, 0, 0, 0]
+    assert first != observed["walks.rss_dbm"][1, 0, 0, 0]
+    with pytest.raises(InputError, match=r"extra\['a'\].*every world"):
+        alignment.run(Moody, observed, None, {}, [stream(0, "a"), stream(1, "a")])
 
 
 @given(angle=angles, x=lengths, y=lengths)
@@ -200,12 +229,19 @@ def test_motion_leads_from_pose_to_pose() -> None:
 @pytest.mark.parametrize(
     ("name", "place", "value", "words"),
     [
-        ("time_s", (0, 4), np.nan, ["time_s[0, 59]", "NaN after the end only"]),
+        ("time_s", (0, 4), np.nan, ["time_s[0, 4]", "NaN after the end only"]),
         ("time_s", (0, 4), 0.0, ["time_s[0, 4]", "not increase"]),
         ("time_s", 0, np.nan, ["time_s[0]", "no pose"]),
         ("position_m", (2, 3, 1), np.nan, ["position_m[2, 3]", "not a number"]),
-        ("heading_rad", (2, 3), np.inf, ["position_m[2, 3]", "not a number"]),
+        ("time_s", (0, slice(4, 7)), np.nan, ["time_s[0, 4]", "missing before the end"]),
+        ("time_s", (0, 59), np.inf, ["time_s[0, 59]", "infinite"]),
+        ("time_s", (0, 0), -np.inf, ["time_s[0, 0]", "infinite"]),
+        ("heading_rad", (2, 3), np.inf, ["heading_rad[2, 3]", "not a number"]),
+        ("heading_rad", (2, 3), np.nan, ["heading_rad[2, 3]", "not a number"]),
+        ("heading_rad", (2, slice(3, None)), 90.0, ["heading_rad[2, 3]", "whole turn", "radians"]),
         ("rss_dbm", (1, 2, 3), np.inf, ["rss_dbm[1, 2, 3]", "Use NaN"]),
+        ("rss_dbm", (1, 2, 3), 100.0, ["rss_dbm[1, 2, 3]", "below 0 dBm", "Use NaN for not heard"]),
+        ("rss_dbm", (1, 2, 3), 0.0, ["rss_dbm[1, 2, 3]", "below 0 dBm", "Use NaN for not heard"]),
     ],
 )
 def test_walks_that_cannot_be_are_refused(name, place, value, words) -> None:
@@ -214,6 +250,13 @@ def test_walks_that_cannot_be_are_refused(name, place, value, words) -> None:
     with pytest.raises(InputError) as error:
         check_walks(walks)
     assert all(word in str(error.value) for word in words)
+
+
+def test_wrapped_headings_may_jump_by_a_whole_turn() -> None:
+    walks, _ = drawn()
+    wrapped = np.mod(walks.heading_rad + np.pi, 2 * np.pi) - np.pi
+    assert np.nanmax(np.abs(np.diff(wrapped, axis=1))) > np.pi
+    check_walks(replace(walks, heading_rad=wrapped))
 
 
 def test_arrays_that_do_not_fit_are_refused() -> None:

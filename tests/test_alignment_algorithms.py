@@ -1,6 +1,7 @@
 """Algorithms that align walks: what they find, what they leave alone, and what they refuse."""
 
 import inspect
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -16,7 +17,7 @@ from positioning.errors import InputError
 from positioning.geometry import rigid_fit, rotated
 from positioning.model import Truth, Walks
 from positioning.posegraph.optimiser import FRAMES, Frame, NearCost, optimise
-from positioning.walk_alignment import motion_graph, moved, place_walks, poses_of, wifi_pairs
+from positioning.walk_alignment import Placed, motion_graph, moved, place_walks, poses_of, wifi_pairs
 
 CLASSES = (GraphSlam, RansacAlignment, AlignedGraphSlam, GtsamGraphSlam, ControlTrueNeighbours)
 ALIGNED = (RansacAlignment, AlignedGraphSlam)
@@ -236,6 +237,10 @@ def test_walks_without_a_common_access_point_stay_and_are_told() -> None:
         assert error_m(aligned, truth, slice(2, 4)).max() < 1e-3
         np.testing.assert_allclose(aligned.position_m[2, 0], 0, atol=1e-9)
         assert aligned.heading_rad[2, 0] == pytest.approx(FIRST[2] - FIRST[0])
+        joined = ["", "", "joined to walk 3, which is not", "joined to walk 2, which is not"]
+        for text, words in zip(aligned.extra["reason"], joined, strict=True):
+            assert text.startswith(words)
+            assert bool(text) == bool(words)
     np.testing.assert_array_equal(aligned.extra["connected"], [True, True, False, False])
 
 
@@ -249,8 +254,22 @@ def test_a_walk_without_scans_stays_and_is_told(make) -> None:
     np.testing.assert_allclose(aligned.position_m[0], rotated(walks.position_m[0], -FIRST[1]), atol=1e-9)
     told = aligned.extra["connected" if make is GraphSlam else "aligned"]
     np.testing.assert_array_equal(told, [False, True, True, True])
+    if make is not GraphSlam:
+        assert aligned.extra["reason"].tolist() == ["no scan hears an access point", "", "", ""]
     if make is RansacAlignment:
         assert error_m(aligned, truth, slice(1, 4)).max() < 1e-3
+
+
+def test_too_few_matches_are_told_with_what_is_needed() -> None:
+    walks, _ = world(6, noise_db=1.0)
+    extra = RansacAlignment(least_matches=500).align(walks, rng()).extra
+    assert extra["reason"][0] == ""
+    for text in extra["reason"][1:]:
+        assert re.fullmatch(r"\d+ of \d+ matched scans agree with walk \d, 500 are needed", text)
+    # What the third walk hears, no other walk hears.
+    alone = without_common_access_points(walks, [2])
+    extra = RansacAlignment().align(alone, rng()).extra
+    assert extra["reason"][2] == "no scan matches one of another walk"
 
 
 @pytest.mark.parametrize("make", [GraphSlam, *ALIGNED])
@@ -321,14 +340,44 @@ def test_parameters_are_keywords_documented_and_stored_unchanged(make) -> None:
 @pytest.mark.parametrize(
     ("make", "options", "words"),
     [
-        (GraphSlam, {"window": 1}, ["window=1", "Lengthen"]),
+        (GraphSlam, {"window": 1}, ["window=1", "whole number from 2"]),
         (GraphSlam, {"window": 4.5}, ["window", "whole number"]),
         (GraphSlam, {"threshold": "mean"}, ["threshold='mean'", "median"]),
         (GraphSlam, {"threshold": -1.0}, ["threshold=-1.0"]),
         (GraphSlam, {"decides": "first"}, ["decides='first'"]),
         (GraphSlam, {"exclude_s": -1.0}, ["exclude_s=-1.0"]),
         (GraphSlam, {"exclude_m": np.nan}, ["exclude_m=nan"]),
-        (GraphSlam, {"wifi_weight": -1.0}, ["weight"]),
+        (GraphSlam, {"wifi_weight": -1.0}, ["wifi_weight=-1.0", "from zero"]),
+        (GraphSlam, {"wifi_weight": "1e-4"}, ["wifi_weight='1e-4'", "it is text", "without quotes"]),
+        (GraphSlam, {"threshold": "12"}, ["threshold='12'", "neither 'median' nor a number"]),
+        (GraphSlam, {"d_max_m": "30"}, ["d_max_m='30'", "it is text"]),
+        (GraphSlam, {"e_max": None}, ["e_max=None", "above zero"]),
+        (GraphSlam, {"wifi_edges": "nope"}, ["wifi_edges='nope'", "True or False"]),
+        (GraphSlam, {"exclude_s": "30"}, ["exclude_s='30'"]),
+        (GraphSlam, {"iterations": np.nan}, ["iterations=nan", "whole number from 1"]),
+        (GraphSlam, {"iterations": None}, ["iterations=None", "whole number from 1"]),
+        (GraphSlam, {"iterations": "a"}, ["iterations='a'", "whole number from 1"]),
+        (GraphSlam, {"iterations": np.inf}, ["iterations=inf", "whole number from 1"]),
+        (RansacAlignment, {"inlier_m": "5"}, ["inlier_m='5'", "it is text"]),
+        (RansacAlignment, {"least_share": "0.2"}, ["least_share='0.2'", "it is text"]),
+        (
+            AlignedGraphSlam,
+            {"alignment": "ransac_alignment"},
+            ["'ransac_alignment'", "placed", "RansacAlignment()"],
+        ),
+        (AlignedGraphSlam, {"alignment": RansacAlignment}, ["no method placed", "RansacAlignment()"]),
+        (AlignedGraphSlam, {"alignment": GraphSlam()}, ["no method placed"]),
+        (
+            AlignedGraphSlam,
+            {"alignment": SimpleNamespace(placed=lambda poses, rng: None)},
+            ["NoneType", "Placed"],
+        ),
+        (
+            AlignedGraphSlam,
+            {"alignment": SimpleNamespace(placed=lambda poses, rng: Placed(*np.zeros((4, 4))))},
+            ["shift_m", "the shape is (4,), (4, 2) is needed"],
+        ),
+        (ControlTrueNeighbours, {"exclude_s": None}, ["exclude_s=None"]),
         (GraphSlam, {"d_min_m": 40.0}, ["d_min_m=40.0"]),
         (GraphSlam, {"cost": "cubic"}, ["cost='cubic'"]),
         (GraphSlam, {"loss": "cauchy", "cost": "linear"}, ["loss='cauchy'"]),

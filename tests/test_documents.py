@@ -646,7 +646,7 @@ def test_the_example_from_python_follows_the_walk_that_it_tells(capsys: pytest.C
 
 def test_the_lines_of_the_guide_make_rows() -> None:
     guide = read("docs/add-an-algorithm.md")
-    ranging, parts = fenced(guide, "yaml")
+    ranging, parts, _ = fenced(guide, "yaml")
     config = read_yaml(ROOT / "config/config.yaml")
     first, second = parts.splitlines()
     for study, lines in (("bluetooth_robot", ranging), ("access_points_real", first), ("riss_wifi", second)):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.spatial.distance import cdist
 from sklearn.base import clone
-from sklearn.exceptions import ConvergenceWarning
+from sklearn.exceptions import ConvergenceWarning, NotFittedError
 from sklearn.neighbors import KNeighborsRegressor
 from sklearn.neural_network import MLPRegressor
 from sklearn.preprocessing import StandardScaler
@@ -194,6 +194,20 @@ def test_leave_one_out_equals_explicit_refits(name: str) -> None:
     shortcut = make(name).leave_one_out(RSS, POSITION)
     assert shortcut.shape == (COUNT, 2)
     np.testing.assert_allclose(shortcut, refit(make(name), RSS, POSITION, range(COUNT)), atol=1e-8, rtol=0)
+
+
+@pytest.mark.parametrize("name", ["mlp", "svm"])
+def test_leave_one_out_leaves_what_was_learned(name: str) -> None:
+    algorithm = make(name)
+    algorithm.leave_one_out(RSS, POSITION)
+    with pytest.raises(NotFittedError, match="not fitted yet"):
+        algorithm.predict(RSS)
+    before = algorithm.fit(RSS, POSITION).predict(RSS)
+    # Another survey, with fewer access points and places.
+    algorithm.leave_one_out(RSS[:30, :3], POSITION[:30])
+    np.testing.assert_array_equal(algorithm.predict(RSS), before)
+    with pytest.raises(InputError, match="one column for each access point"):
+        algorithm.predict(RSS[:, :3])
 
 
 def test_leave_one_out_equals_explicit_refits_with_a_reduced_training_set() -> None:

@@ -518,3 +518,20 @@ def test_a_rover_is_followed_and_lost_in_an_outage() -> None:
     assert error[1, outage].mean() > 4 * error[0, outage].mean()
     before = time_s < 80
     np.testing.assert_array_equal(found.position_m[1, before], found.position_m[0, before])
+
+
+def test_the_example_of_the_guide_flies_north_and_uses_no_gps_of_the_outage(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    guide = (CHECKOUT / "docs/add-an-algorithm.md").read_text(encoding="utf-8")
+    part = guide.partition("\n## A tracker with GPS and an inertial unit\n")[2].partition("\n## ")[0]
+    example = part.partition("```python\n")[2].partition("```")[0]
+    names: dict[str, Any] = {}
+    exec(compile(example, "docs/add-an-algorithm.md", "exec"), names)
+    north_m = 5.0 * np.arange(0.0, 30.5, 5.0)
+    np.testing.assert_allclose(names["track"].position_m, np.c_[0 * north_m, north_m], atol=0.01)
+    printed = [[float(cell) for cell in line.split()] for line in capsys.readouterr().out.splitlines()]
+    np.testing.assert_allclose(printed, np.c_[north_m / 5, 0 * north_m, north_m], atol=0.011)
+    # Of 30 readings those at 10, 11, ... 19 s do not count.
+    gps_north_m = 5.0 * np.r_[np.arange(1, 10), np.arange(20, 31)]
+    np.testing.assert_allclose(names["gps_m"][:, 1], gps_north_m, atol=1e-3)

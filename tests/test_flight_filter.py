@@ -385,7 +385,7 @@ def test_the_flat_model_of_the_filter_is_that_of_the_library() -> None:
         start_attitude_sigma_rad=(0.01, 0.02, 0.03),
     )
     level = attitude_of([0.2, -0.1, 2.0])
-    force = np.array([3.0, -20.0, 5.0])
+    force = np.array([3.0, -15.0, 5.0])
     recording = Recording(
         time_s=np.array([[0.0, 0.08]]),
         imu_time_s=np.array([[0.04, 0.08]]),
@@ -544,6 +544,19 @@ def early(times: str, name: str, value: float) -> Any:
     return spoil
 
 
+def moved(name: str, number: Any, by_s: float) -> Any:
+    """Let the clock of a sensor be ahead."""
+    return lambda recording: spoiled(name, number, np.array(getattr(recording, name))[number] + by_s)(
+        recording
+    )
+
+
+def scaled(name: str, factor: float) -> Any:
+    return lambda recording: spoiled(name, slice(None), factor * np.array(getattr(recording, name)))(
+        recording
+    )
+
+
 def slowed(recording: Recording, world: int, factor: float) -> Recording:
     """Let the inertial readings of one flight come at another rate."""
     time_s = np.array(recording.imu_time_s)
@@ -617,6 +630,34 @@ def test_flights_of_a_slower_unit_are_navigated_alone() -> None:
         (lambda recording: recording, {"interpolation_order": -1}, "interpolation_order"),
         (lambda recording: recording, {"gps_sigma_m": (1.0, 0.0, 1.0)}, "gps_sigma_m"),
         (lambda recording: recording, {"noise_factor": -1.0}, "noise_factor"),
+        (lambda recording: recording, {"covariance_hz": "20"}, "covariance_hz='20'.*not a number"),
+        (lambda recording: recording, {"covariance_hz": 0.5}, "covariance_hz=0.5.*below 1"),
+        (lambda recording: recording, {"outage_s": "40"}, "outage_s='40'.*not a number"),
+        (lambda recording: recording, {"interpolation_order": 1.5}, "interpolation_order=1.5.*whole"),
+        (lambda recording: recording, {"gps_sigma_m": (1, 2)}, r"gps_sigma_m=\(1, 2\).*three numbers"),
+        (lambda recording: recording, {"start_sigma_m": ("1", 1, 1)}, "start_sigma_m.*three numbers"),
+        (lambda recording: recording, {"states": "15"}, "states='15'.*whole"),
+        (lambda recording: recording, {"states": 9.0}, "states=9.0.*whole"),
+        (lambda recording: recording, {"closed_loop": "no"}, "closed_loop='no'.*true nor false"),
+        (lambda recording: recording, {"noise_factor": True}, "noise_factor=True.*not a number"),
+        (spoiled("start_geodetic", (1, 0), 35.7), {}, r"start_geodetic\[1\] = \[35.7, .*latitude"),
+        (spoiled("start_geodetic", (1, 1), 0.6), {}, r"start_geodetic\[1\] = .*100 km.*Check radians"),
+        (spoiled("gps_geodetic", (1, 3, 0), 35.7), {}, r"gps_geodetic\[1, 3\] = \[35.7, .*latitude"),
+        (spoiled("gps_geodetic", (1, 3, 1), 0.6), {}, r"gps_geodetic\[1, 3\] = .*100 km.*the order"),
+        (moved("gps_time_s", 1, 500.0), {}, r"gps_time_s\[1\].* from 500.* flight from 0 to 12 s"),
+        (moved("gps_time_s", slice(None), 500.0), {}, r"gps_time_s\[0\].* from 500.* flight from 0 to 12"),
+        (moved("time_s", 1, 500.0), {"fixes": True}, r"time_s of fix_m\[1\].* flight from 0 to 12 s"),
+        (
+            lambda r: dataclasses.replace(r, sighting_time_s=1000 * np.array(r.sighting_time_s)),
+            {"slam": True},
+            r"sighting_time_s\[0\].* from 200 to .* flight from 0 to 12 s.*in seconds",
+        ),
+        (spoiled("sighting", (0, slice(None), 0), -1.0), {"slam": True}, "range.*units"),
+        (spoiled("sighting", (0, slice(None), 1), 30.0), {"slam": True}, "bearing.*units"),
+        (spoiled("sighting", (0, slice(None), 2), -1.6), {"slam": True}, "elevation.*units"),
+        (spoiled("start_attitude_rad", (1, 2), -90.0), {}, r"start_attitude_rad\[1, 2\].*units"),
+        (scaled("specific_force_m_per_s2", 1 / 9.81), {}, r"specific_force_m_per_s2\[0\].*units"),
+        (scaled("specific_force_m_per_s2", 1000.0), {}, r"specific_force_m_per_s2\[0\].*units"),
     ],
 )
 def test_bad_input_is_refused(spoil: Any, options: dict[str, Any], message: str) -> None:
@@ -624,6 +665,27 @@ def test_bad_input_is_refused(spoil: Any, options: dict[str, Any], message: str)
     check_flight(recording, site, FlightFilter(slam=True, fixes=True))
     with pytest.raises(InputError, match=message):
         navigate_flight(spoil(recording), site, FlightFilter(**options))
+
+
+@pytest.mark.parametrize("origin", [(np.nan, 0.9, 0.0), (35.7, 51.4, 1200.0), (np.pi / 2, 0.9, 0.0)])
+def test_an_origin_at_no_place_is_refused(origin: tuple[float, float, float]) -> None:
+    recording, site, _ = world(FlightFilter(), worlds=2, seconds=12.0)
+    moved_site = dataclasses.replace(site, origin_geodetic=np.tile(origin, (2, 1)))
+    with pytest.raises(InputError, match=r"site.origin_geodetic\[0\] = .*Check radians"):
+        navigate_flight(recording, moved_site, FlightFilter())
+
+
+def test_gps_that_the_outage_leaves_only_behind_the_flight_counts_for_nothing() -> None:
+    settings = FlightFilter()
+    recording, site, _ = world(settings, worlds=2, seconds=12.0)
+    gps_s = np.array(recording.gps_time_s)
+    gps_s[:, 5:] += 100.0
+    late = dataclasses.replace(recording, gps_time_s=gps_s, gps_outage_s=np.tile([0.0, 11.0], (2, 1)))
+    found = navigate_flight(late, site, settings)
+    assert (found.degrees_of_freedom["gps"] == 0).all()
+    np.testing.assert_array_equal(
+        found.position_m, navigate_flight(recording, site, FlightFilter(gps=False)).position_m
+    )
 
 
 def test_a_site_without_an_origin_is_refused() -> None:

@@ -19,6 +19,7 @@ from positioning.inertial.foot import (
     check_imu,
     foot_navigation,
     imu_missing,
+    late_alignment,
     misalignment_rad,
     rests,
     sample_rate_hz,
@@ -358,12 +359,42 @@ def test_steps_are_stored_at_the_first_sample_of_a_rest() -> None:
             position_covariance_m2=np.zeros((2, 8, 2, 2)),
             heading_variance_rad2=np.zeros((2, 8)),
             start=None,  # type: ignore[arg-type]
+            alignment_end_s=np.zeros(2),
         )
     )
     np.testing.assert_array_equal(found.time_s, [[4.0, 7.0], [np.nan, np.nan]])
     np.testing.assert_allclose(found.forward_m[0], [16.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(found.left_m[0], [0.0, -33.0], atol=1e-12)
     np.testing.assert_allclose(found.turn_rad[0], [np.pi / 2, 2 * np.pi - 3.0 - np.pi / 2], atol=1e-12)
+
+
+@pytest.mark.parametrize("shift_s", [-1000.0, 1000.0])
+def test_clocks_that_do_not_overlap_are_refused(shift_s: float) -> None:
+    recording, *_ = walk()
+    with pytest.raises(InputError, match=r"time_s\[0\]: the epochs are from .* readings from 10"):
+        foot_navigation(replace(recording, time_s=recording.time_s + shift_s), SITE, FootFilter())
+
+
+@pytest.mark.parametrize("north", [np.inf, 70.0])
+def test_magnetic_north_in_degrees_is_refused(north: float) -> None:
+    recording, *_ = walk()
+    with pytest.raises(InputError, match=r"magnetic_north_rad: .*degrees"):
+        foot_navigation(recording, replace(SITE, magnetic_north_rad=np.array([north])), FootFilter())
+
+
+def test_the_end_of_the_alignment_is_told_and_a_late_one_named() -> None:
+    recording, _, rest = walk()
+    first = np.argmin(rest)
+    found = foot_navigation(recording, SITE, FootFilter(), rest=rest[None])
+    assert recording.imu_time_s is not None
+    np.testing.assert_array_equal(found.alignment_end_s, recording.imu_time_s[:, first - 1])
+    assert late_alignment(recording, FootFilter()) == ""
+    # A whole walk behind it, and the last rest is the only long one.
+    force = np.array(recording.specific_force_m_per_s2)
+    force[0, : rest.size - 300, 0] += 30.0 * (np.arange(rest.size - 300) % 2)
+    reason = late_alignment(replace(recording, specific_force_m_per_s2=force), FootFilter())
+    assert reason.startswith("recording[0]: the first rest of 1 s begins at")
+    assert late_alignment(replace(recording, specific_force_m_per_s2=0 * force), FootFilter()) == ""
 
 
 def changed(name: str, where: Any, value: Any) -> Recording:

@@ -3,7 +3,9 @@
 import importlib
 import inspect
 import itertools
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -640,8 +642,10 @@ def test_answers_are_finite_until_the_end_and_covariances_can_be_ones(
     np.testing.assert_array_equal(found.time_s, WALK.recording.time_s)
     assert found.position_m.shape == (*OVER.shape, 2)
     assert {"heading_rad", "steps"} <= set(found.extra)
-    # Steps have an axis of their own.
-    extra = [values for key, values in found.extra.items() if not key.startswith("step_")]
+    # Steps have an axis of their own, and the end of the alignment has none.
+    extra = [
+        values for key, values in found.extra.items() if not key.startswith(("step_", "alignment_end_s"))
+    ]
     for values in (found.position_m, found.covariance_m2, *extra):
         assert np.isfinite(values[~OVER]).all()
         assert np.isnan(np.asarray(values, dtype=float)[OVER]).all()
@@ -666,8 +670,10 @@ def test_a_stack_gives_exactly_what_each_recording_gives_and_changes_nothing(
         np.testing.assert_array_equal(alone.covariance_m2, tracks[name].covariance_m2[run, :length])
         assert set(alone.extra) == set(tracks[name].extra)
         for key, values in alone.extra.items():
-            count = len(values) if key.startswith("step_") else length
-            np.testing.assert_array_equal(values, tracks[name].extra[key][run, :count])
+            whole = tracks[name].extra[key][run]
+            if np.ndim(whole):
+                whole = whole[: len(values) if key.startswith("step_") else length]
+            np.testing.assert_array_equal(values, whole)
     for part, copy in zip(WALK[:4], kept[:4], strict=True):
         for field, values in part.to_arrays().items():
             np.testing.assert_array_equal(values, copy.to_arrays()[field])
@@ -893,6 +899,8 @@ def test_skip_names_what_is_missing() -> None:
         ("foot_joint_filter", {"heading_noise_rad_per_rt_s": -1.0}),
         ("foot_inertial", {"detector": "magic"}),
         ("foot_inertial", {"misalignment_offset_rad": float("nan")}),
+        ("foot_inertial", {"misalignment_offset_rad": 90.0}),
+        ("foot_inertial", {"heading_offset_rad": -90.0}),
     ],
 )
 def test_senseless_settings_are_refused_by_name(name: str, changes: dict[str, Any]) -> None:
@@ -915,6 +923,102 @@ def test_steps_found_by_another_row_give_the_same_track(name: str, tracks: dict[
     assert np.nanmax(np.abs(other.position_m - built.position_m)) > 0.1
 
 
+@pytest.mark.parametrize(
+    ("part", "where", "value", "message"),
+    [
+        ("step_time_s", (0, 0), 1e6, r"step_time_s\[0, 0\]: a step after it ends earlier"),
+        ("step_time_s", (0, 1), np.nan, r"step_time_s\[0, 1\]: a time before is missing"),
+        ("step_time_s", (0, 1), np.inf, r"step_time_s\[0, 1\]: the time is infinite"),
+        ("step_left_m", (0, 1), np.nan, r"step_left_m\[0, 1\]: it is not a finite number"),
+        ("step_turn_rad", None, None, "lack step_turn_rad"),
+        ("step_forward_m", None, np.zeros((1, 2)), "the shapes of its steps"),
+    ],
+)
+def test_steps_given_by_hand_are_checked(
+    part: str, where: Any, value: Any, message: str, tracks: dict[str, Track]
+) -> None:
+    handed = {f"extra_{key}": values for key, values in tracks["foot_inertial"].extra.items()}
+    steps = {key.removeprefix("recording."): values.copy() for key, values in of_extra(handed).items()}
+    assert of_recording(replace(WALK.recording, **steps)) is not None
+    if where is None:
+        steps[part] = value
+    else:
+        steps[part][where] = value
+    with pytest.raises(InputError, match=message):
+        of_recording(replace(WALK.recording, **steps))
+
+
+@pytest.mark.parametrize("name", ["foot_cascaded_filter", "foot_joint_filter"])
+def test_a_survey_without_points_is_refused(name: str) -> None:
+    survey = replace(
+        WALK.survey, position_m=WALK.survey.position_m[:, :0], rss_dbm=WALK.survey.rss_dbm[:, :0]
+    )
+    with pytest.raises(InputError, match="the survey has no points"):
+        make(name).track_stack(WALK.recording, survey, WALK.site, rngs())
+
+
+@pytest.mark.parametrize(
+    ("part", "value", "message"),
+    [
+        ("start_heading_rad", 90.0, "start_heading_rad: 90 is more than a whole turn: it looks like degrees"),
+        ("start_heading_rad", np.inf, "start_heading_rad: it is infinite"),
+        ("start_position_m", np.inf, "start_position_m.*infinite"),
+        ("start_position_m", None, "start_position_m: its shape"),
+    ],
+)
+def test_a_start_without_sense_is_refused(part: str, value: Any, message: str) -> None:
+    start = np.array(getattr(WALK.recording, part), dtype=float)
+    changed = start[..., :1] if value is None else np.full_like(start, value)
+    with pytest.raises(InputError, match=message):
+        make("foot_inertial").track_stack(
+            replace(WALK.recording, **{part: changed}), WALK.survey, WALK.site, rngs()
+        )
+
+
+def test_an_alignment_in_the_second_half_is_a_reason_to_skip(tracks: dict[str, Track]) -> None:
+    given = WALK.recording, WALK.survey, WALK.site
+    ends_s = tracks["foot_inertial"].extra["alignment_end_s"]
+    first_s, last_s = WALK.recording.imu_time_s[:, 0], np.nanmax(WALK.recording.imu_time_s, axis=1)
+    assert make("foot_inertial").skip(*given) == ""
+    assert (ends_s < (first_s + last_s) / 2).all()
+    # Without the rest at the start, only the one at the end is long enough.
+    time_s = WALK.recording.imu_time_s[:1]
+    force, rate = (
+        getattr(WALK.recording, name)[:1].copy()
+        for name in ("specific_force_m_per_s2", "angular_rate_rad_per_s")
+    )
+    early = time_s[0] < 0.75 * last_s[0]
+    force[:, early, 0] += 30.0 * (np.arange(early.sum()) % 2)
+    restless = replace(
+        WALK.recording.at(0),
+        imu_time_s=time_s[0],
+        specific_force_m_per_s2=force[0],
+        angular_rate_rad_per_s=rate[0],
+    )
+    reason = make("foot_inertial", alignment_s=0.1).skip(restless, None, WALK.site.at(0))
+    assert re.search(r"the first rest of 0.1 s begins at \d+\.\d s of \d+\.\d s", reason)
+    assert "lower alignment_s, or take another detector" in reason
+    # Nobody else's detector counts for who knows the stances.
+    control = make("control_known_stances", truth=WALK.truth.at(0))
+    assert control.skip(restless, None, WALK.site.at(0)) == ""
+
+
 def test_a_row_that_was_skipped_hands_no_steps_on() -> None:
     assert of_extra({}) == {}
     assert of_recording(WALK.recording) is None
+
+
+# The guide
+
+
+def test_the_guide_s_tracker_with_a_foot_mounted_unit_runs() -> None:
+    guide = (Path(__file__).parents[1] / "docs/add-an-algorithm.md").read_text(encoding="utf-8")
+    part = guide.partition("## A rest detector, or a tracker with a foot-mounted unit")[2]
+    example = part.partition("```python\n")[2].partition("```")[0]
+    names: dict[str, Any] = {}
+    exec(compile(example, "docs/add-an-algorithm.md", "exec"), names)
+    recording = WALK.recording.at(0).until(int(np.count_nonzero(~OVER[0])))
+    track = names["MyFoot"]().track(recording, None, WALK.site.at(0), rngs()[0])
+    off_m = np.linalg.norm(track.position_m - WALK.truth.position_m[0, : len(track.time_s)], axis=-1)
+    assert off_m.mean() < 2.0
+    assert np.linalg.eigvalsh(track.covariance_m2).min() > 0

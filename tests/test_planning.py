@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import yaml
 from conftest import ROOT, SMALL
-from planning.code import code_of, constructor_parameters
+from planning.code import code_of, constructor_choices, constructor_parameters, fits, methods
 from planning.config import algorithm_files, check_schema, resolve
 from planning.recordings import drop_absent, files_of
 
@@ -43,7 +43,70 @@ def tracker(study: dict[str, Any], settings: dict[str, Any]) -> None:
     study.update(algorithms={"wknn": {}, "a": {"use": "fingerprint_alone", **settings}})
 
 
+def aligner(settings: dict[str, Any], sweep: dict[str, Any] | None = None) -> Callable[..., None]:
+    def change(study: dict[str, Any]) -> None:
+        line = {"use": "aligned_graph_slam"}
+        study.update(algorithms={"wknn": {}, "a": {**line, **settings}}, sweeps={})
+        if sweep is not None:
+            study.update(sweeps={"b": {**line, "over": sweep}})
+
+    return change
+
+
 WRONG = {
+    "number where a part's name is a number of things": (
+        aligner({"access_points": {"use": "strongest"}}),
+        ["algorithms.a.access_points", "a whole number or null"],
+    ),
+    "alignment that is no algorithm": (
+        aligner({"alignment": "ransac_alignment"}),
+        ["algorithms.a.alignment", "Write alignment: {use: ransac_alignment, ...}"],
+    ),
+    "alignment of another task": (
+        aligner({"alignment": {"use": "wknn"}}),
+        ["algorithms.a.alignment", "wknn is no alignment algorithm", "ransac_alignment"],
+    ),
+    "alignment that cannot be a part": (
+        aligner({"alignment": {"use": "dead_reckoning", "task": "alignment"}}),
+        ["algorithms.a.alignment", "no method placed", "aligned_graph_slam calls", "of ransac_alignment."],
+    ),
+    "control as a part": (
+        aligner({"alignment": {"use": "control_rigid"}}),
+        ["algorithms.a.alignment.use", "control_rigid may see the truth"],
+    ),
+    "setting of a part of the wrong kind": (
+        aligner({"alignment": {"use": "ransac_alignment", "hypotheses": 1000.5}}),
+        ["algorithms.a.alignment.hypotheses", "1000.5", "a whole number"],
+    ),
+    "word that is none of the allowed": (
+        aligner({"cost": "sqared"}),
+        ["algorithms.a.cost", "'sqared'", "did you mean 'squared'", "'squared', 'linear'"],
+    ),
+    "word that is none of the allowed, or nothing": (
+        aligner({"loss": "cauchi"}),
+        ["algorithms.a.loss", "did you mean 'cauchy'", "'dcs' or null"],
+    ),
+    "fraction where a whole number is needed": (
+        aligner({"window": 2.5}),
+        ["algorithms.a.window", "2.5", "a whole number"],
+    ),
+    "text where a truth value is needed": (
+        aligner({"wifi_edges": "nope"}),
+        ["algorithms.a.wifi_edges", "'nope'", "true or false"],
+    ),
+    "number that YAML reads as text": (
+        aligner({"wifi_weight": "1e-4"}),
+        ["algorithms.a.wifi_weight", "'1e-4' is text to YAML", "Write 0.0001 or 1.0e-4"],
+    ),
+    "number in quotes": (aligner({"window": "10"}), ["algorithms.a.window", "Write 10 without quotes"]),
+    "swept fraction where a whole number is needed": (
+        aligner({}, {"window": [5, 7.5]}),
+        ["sweeps.b.over.window", "7.5", "a whole number"],
+    ),
+    "unknown parameter of a class without a constructor": (
+        lambda s: s.update(algorithms={"wknn": {}, "dead_reckoning": {"task": "alignment", "step": 1}}),
+        ["algorithms.dead_reckoning.step", "none to choose from"],
+    ),
     "unknown key": (lambda s: s.update(wrolds=4), ["studies.fingerprint_loo.wrolds", "unknown", "'worlds'"]),
     "unknown algorithm": (
         lambda s: s["algorithms"].update(wkn={}),
@@ -171,6 +234,24 @@ WRONG = {
         ),
         ["algorithms.a.inertial", "foot_inertial", "one of the two"],
     ),
+    "steps of a row that hands up none": (
+        lambda s: s.update(
+            algorithms={
+                "fingerprint_alone": {},
+                "a": {"use": "foot_cascaded_filter", "steps": "fingerprint_alone"},
+            }
+        ),
+        ["algorithms.a.steps", "fingerprint_alone hands up no steps", "Name a row of foot_inertial"],
+    ),
+    **{
+        f"steps for {use}, which ignores them": (
+            lambda s, use=use: s.update(
+                algorithms={"foot_inertial": {}, "a": {"use": use, "steps": "foot_inertial"}}
+            ),
+            ["algorithms.a.steps", f"{use} does not take", "no effect", "Leave it out"],
+        )
+        for use in ("foot_joint_filter", "foot_inertial", "fingerprint_alone")
+    },
     "fixes of a row on fewer worlds": (
         lambda s: s.update(
             algorithms={
@@ -258,6 +339,17 @@ def test_names_of_libraries_are_checked_without_importing_them() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT / "workflow", timeout=60)
 
 
+def test_a_name_is_a_part_only_where_the_row_takes_one() -> None:
+    settings = {"access_points": 35, "alignment": {"use": "ransac_alignment", "hypotheses": 500}}
+    row = resolve(changed(aligner(settings, {"access_points": [9, 35]})), ROOT)
+    found = row["fingerprint_loo"].rows
+    assert found["a"].parameters["access_points"] == 35
+    assert found["a"].sources == [
+        "algorithms/alignment/aligned_graph_slam.py",
+        "algorithms/alignment/ransac_alignment.py",
+    ]
+
+
 def test_the_small_configuration_is_right() -> None:
     study = resolve(SMALL)["fingerprint_loo"]
     assert study.batches() == ["00000"]
@@ -303,6 +395,24 @@ def test_a_row_runs_in_the_families_that_it_names(tmp_path: Path) -> None:
         assert [str(step["skipped"]) for step in steps.values()] == reasons
         answered = [name for name, step in steps.items() if "estimate.position_m" in step]
         assert answered == [name for name, reason in zip(steps, reasons, strict=True) if not reason]
+
+
+def test_a_row_whose_steps_were_not_found_is_skipped_with_their_reason(tmp_path: Path) -> None:
+    spec = spec_from_file_location("script_run", ROOT / "workflow/scripts/run.py")
+    assert spec is not None
+    assert spec.loader is not None
+    script = module_from_spec(spec)
+    spec.loader.exec_module(script)
+    world = {"world": np.arange(1), "seed": np.arange(1), "site.corner_m": np.array([[[0.0, 0], [4, 2]]])}
+    world |= {"recording.time_s": np.arange(3.0)[None]}
+    paths = {name: str(tmp_path / f"{name}.npz") for name in ("observed", "below", "row")}
+    write_tree(paths["observed"], {"floor": world})
+    write_tree(paths["below"], {"floor/0": {"skipped": np.asarray("it stands still"), "world": np.arange(1)}})
+    row = {"name": "a", "use": "foot_cascaded_filter", "task": "tracking", "parameters": {}, "over": None}
+    row |= {"options": {"steps": "feet"}, "worlds": None, "families": []}
+    script.main("s", row, paths["observed"], None, {"steps": paths["below"]}, paths["row"])
+    found = read_tree(paths["row"])["floor/0"]
+    assert str(found["skipped"]) == "row feet, whose steps it takes, was skipped: it stands still"
 
 
 @pytest.mark.parametrize("overlay", [None, "quick.yaml"])
@@ -456,7 +566,59 @@ def test_constructor_parameters_without_import(tmp_path: Path) -> None:
     file = tmp_path / "x.py"
     file.write_text("class X:\n    def __init__(self, *, a, b=1): ...\nclass Y(X): ...\n", encoding="utf-8")
     assert constructor_parameters(str(file), "X") == ["a", "b"]
-    assert constructor_parameters(str(file), "Y") is None
+    assert constructor_parameters(str(file), "Y") == ["a", "b"]
+    more = "from numpy import ndarray\nclass N: ...\nclass Z(ndarray): ...\n@made\nclass D: ...\n"
+    other = tmp_path / "y.py"
+    other.write_text(more, encoding="utf-8")
+    assert constructor_parameters(str(other), "N") == []
+    # What a library or a decorator adds, only the import tells.
+    assert constructor_parameters(str(other), "Z") is None
+    assert constructor_parameters(str(other), "D") is None
+
+
+def test_annotations_tell_what_a_parameter_may_be(tmp_path: Path) -> None:
+    (tmp_path / "positioning").mkdir()
+    (tmp_path / "positioning/words.py").write_text("Word = Literal['a', 'b']\n", encoding="utf-8")
+    file = tmp_path / "x.py"
+    file.write_text(
+        "from positioning.words import Word as W\nThree = tuple[float, float, float]\n"
+        "class X:\n    def __init__(self, *, n: int, x: float, t: bool, s: str, w: W | None, z: Three,"
+        " r: tuple[int, ...], o: Other, p, m: Literal['median'] | float): ...\n",
+        encoding="utf-8",
+    )
+    choices = constructor_choices(str(file), "X")
+    assert choices is not None
+    right = {
+        "n": [3, -1],
+        "x": [3, 0.5],
+        "t": [True, False],
+        "s": ["", "a"],
+        "w": ["a", "b", None],
+        "z": [[1, 2.5, 3]],
+        "r": [[], [1, 2]],
+        "o": [1, "a", {}],
+        "p": [1, "a", {}],
+        "m": ["median", 4, 4.5],
+    }
+    wrong = {
+        "n": [2.5, 4.0, True, "3", None, {}],
+        "x": ["1e-4", True, None, []],
+        "t": [1, 0, "nope", None],
+        "s": [1, None, True],
+        "w": ["c", 1, True],
+        "z": [[1, 2], 1, [1, 2, "a"]],
+        "r": [[1, 2.5], 1],
+        "m": ["mean", True, None],
+    }
+    for name, values in right.items():
+        assert all(fits(value, choices[name]) for value in values), name
+    for name, values in wrong.items():
+        assert not any(fits(value, choices[name]) for value in values), name
+    assert methods(str(ROOT / "algorithms/alignment/ransac_alignment.py"), "RansacAlignment") == {
+        "__init__",
+        "align",
+        "placed",
+    }
 
 
 def test_a_plan_tells_what_its_rows_stand_for() -> None:

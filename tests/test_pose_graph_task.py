@@ -1,6 +1,7 @@
 """Pose graphs: runner, score, first guess, the search without damping, measures, and every algorithm."""
 
 import importlib
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
+from algorithms.pose_graph.dead_reckoning import DeadReckoning
+from algorithms.pose_graph.levenberg_marquardt import LevenbergMarquardt
+from algorithms.pose_graph.levenberg_marquardt_robust import LevenbergMarquardtRobust
 from positioning.errors import InputError
 from positioning.evaluation.measures import MEASURES, NO_ANSWER, NO_TRUTH, paired, table
 from positioning.evaluation.studies.posegraph_real import NEAR, measures
@@ -324,6 +328,105 @@ def test_a_wrong_answer_is_refused(change, words) -> None:
     with pytest.raises(InputError) as error:
         pose_graph.run(Wrong, observed(drawn()[0]), None, {}, [np.random.default_rng(0)])
     assert all(word in str(error.value) for word in words)
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (lambda pose: pose, ["gave a ndarray", "a Solved of", "Return Solved(pose)"]),
+        (lambda pose: (pose, {}), ["gave a tuple"]),
+        (lambda pose: None, ["gave a NoneType"]),
+        (lambda pose: Solved([[1], [2, 3]]), ["pose", "no array"]),
+        (lambda pose: Solved(pose, 7), ["extra", "int", "dict"]),
+    ],
+)
+def test_an_answer_of_another_kind_is_told_what_is_needed(answer, words) -> None:
+    class Wrong:
+        def solve(self, graph: PoseGraph, rng: np.random.Generator):
+            return answer(graph.pose)
+
+    with pytest.raises(InputError) as error:
+        pose_graph.run(Wrong, observed(drawn()[0]), None, {}, [np.random.default_rng(0)])
+    assert all(word in str(error.value) for word in words)
+
+
+BY_HAND = {
+    "pose": [[0, 0, 0], [1, 0, 0], [2, 0, 0]],
+    "motion_from": [0, 1],
+    "motion_to": [1, 2],
+    "motion": [[1, 0, 0], [1, 0, 0]],
+    "motion_information": [np.eye(3).tolist()] * 2,
+    "fixed": [True, False, False],
+}
+
+
+def test_a_graph_may_be_given_as_lists() -> None:
+    graph = PoseGraph(**BY_HAND).check()
+    assert optimise(graph).cost == 0
+    alone = {"pose": [[0, 0, 0]], "motion_from": [], "motion_to": [], "fixed": [1]}
+    empty = {
+        "motion": np.zeros((0, 3)),
+        "motion_information": np.zeros((0, 3, 3)),
+        "near_from": [],
+        "near_to": [],
+    }
+    np.testing.assert_array_equal(optimise(PoseGraph(**alone, **empty)).pose, [[0, 0, 0]])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"pose": [[0, 0, 0], [1, 0], [2, 0, 0]]}, ["pose", "no array", "one length"]),
+        ({"pose": [["a", 0, 0], [1, 0, 0], [2, 0, 0]]}, ["pose", "no numbers"]),
+        ({"pose": [[None, 0, 0], [1, 0, 0], [2, 0, 0]]}, ["pose", "no numbers"]),
+        ({"motion_from": [0.0, 1.0]}, ["motion_from", "integers"]),
+        ({"motion_from": ["0", "1"]}, ["motion_from", "no numbers"]),
+        ({"motion_to": [1, 3]}, ["edge 1", "poses 1 and 3"]),
+        ({"fixed": [0.3, 0, 0]}, ["fixed[0]", "0.3 is neither true nor false"]),
+        ({"fixed": [True, False, np.nan]}, ["fixed[2]", "not a finite number"]),
+        ({"loop": [0, 2]}, ["loop[1]", "2 is neither"]),
+        ({"fixed": True}, ["fixed", "its shape is ()"]),
+    ],
+)
+def test_graphs_that_cannot_be_are_refused(change, words) -> None:
+    with pytest.raises(InputError) as error:
+        PoseGraph(**{**BY_HAND, **change}).check()
+    assert all(word in str(error.value) for word in words)
+
+
+@pytest.mark.parametrize("call", [optimise, cost, DeadReckoning().solve, LevenbergMarquardt().solve])
+def test_the_name_of_a_file_is_no_graph(call) -> None:
+    more = () if call in (optimise, cost) else (np.random.default_rng(0),)
+    with pytest.raises(InputError, match=r"it is a str, not a PoseGraph.*g2o\.read"):
+        call("x.g2o", *more)
+
+
+@pytest.mark.parametrize("iterations", [np.nan, None, "a", np.inf, 0, 2.5, True])
+def test_iterations_are_a_whole_number(iterations) -> None:
+    graph = PoseGraph(**BY_HAND)
+    for call in (
+        lambda: optimise(graph, iterations=iterations),
+        lambda: LevenbergMarquardt(iterations=iterations).solve(graph, np.random.default_rng(0)),
+    ):
+        with pytest.raises(InputError, match=r"iterations=.* whole number from 1"):
+            call()
+
+
+@pytest.mark.parametrize(
+    ("make", "options"),
+    [
+        (LevenbergMarquardt, {"near_sigma_m": "1"}),
+        (LevenbergMarquardt, {"near_sigma_m": 0.0}),
+        (LevenbergMarquardt, {"d_min_m": "2"}),
+        (LevenbergMarquardt, {"tolerance": None}),
+        (LevenbergMarquardtRobust, {"near_scale_m": -1.0}),
+        (LevenbergMarquardtRobust, {"loop_scale": np.nan}),
+    ],
+)
+def test_settings_are_refused_under_their_own_names(make, options) -> None:
+    ((name, value),) = options.items()
+    with pytest.raises(InputError, match=re.escape(f"{name}={value!r}: ")):
+        make(**options).solve(PoseGraph(**BY_HAND), np.random.default_rng(0))
 
 
 @given(turn=angles, x=lengths, y=lengths)

@@ -109,6 +109,9 @@ def test_there_and_back(tmp_path: Path) -> None:
         (6, "EDGE_SE2 7 3 1 0 inf 4 0 0 9 0 1", "not all finite"),
         (7, "EDGE_SE3 7 3", "'EDGE_SE3' is none of"),
         (9, "EDGE_NEAR 7 9", "2 values, not 3"),
+        (6, "EDGE_SE2 7 3 1 0 0 1 2 0 1 0 1", "information is not positive semi-definite"),
+        (7, "EDGE2 3 9 2 0 0 1 0 1 -1 0 0", "information is not positive semi-definite"),
+        (9, "EDGE_NEAR 7 9 -0.5", "the weight -0.5 is negative"),
     ],
 )
 def test_a_broken_line(tmp_path: Path, number: int, line: str, message: str) -> None:
@@ -119,6 +122,31 @@ def test_a_broken_line(tmp_path: Path, number: int, line: str, message: str) -> 
         read(path)
     assert error.value.thing == f"{path}, line {number}"
     assert message in str(error.value)
+
+
+def test_a_pair_that_stands_twice(tmp_path: Path) -> None:
+    path = given(tmp_path, LINES + "EDGE_NEAR 3 7 1\nEDGE_NEAR 9 7 1\n")
+    with pytest.raises(InputError) as error:
+        read(path)
+    assert error.value.thing == f"{path}, line 11"
+    assert "stands in line 9 already" in str(error.value)
+
+
+def test_marks_of_encodings_and_parameters_of_sensors_are_skipped(tmp_path: Path) -> None:
+    plain = read(given(tmp_path, LINES))
+    path = tmp_path / "marked.g2o"
+    path.write_text("PARAMS_SE2OFFSET 0 0 0 0\n" + LINES, encoding="utf-8-sig")
+    assert path.read_bytes().startswith(b"\xef\xbb\xbfPARAMS_")
+    np.testing.assert_array_equal(read(path).pose, plain.pose)
+
+
+def test_the_example_of_the_guide_closes_its_square(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    guide = (CHECKOUT / "docs/add-an-algorithm.md").read_text(encoding="utf-8")
+    part = guide.partition("\n## Pose graphs and .g2o from Python\n")[2].partition("\n## ")[0]
+    monkeypatch.chdir(tmp_path)
+    exec(part.partition("```python\n")[2].partition("```")[0], {})
+    corner_m = read("solved.g2o").pose[:, :2]
+    np.testing.assert_allclose(corner_m, [[0, 0], [9, 0], [9, 9], [0, 9]], atol=0.01)
 
 
 def test_files_that_hold_no_graph(tmp_path: Path) -> None:

@@ -113,6 +113,16 @@ def test_thresholds_are_medians_of_loops() -> None:
         assert found[k] == np.nanmedian(distance[k, others])
 
 
+def test_a_window_beyond_the_walk_is_the_whole_walk_and_takes_no_longer() -> None:
+    distance_db = np.abs(np.subtract.outer(np.arange(40.0), np.arange(40.0)) ** 2)
+    walk = np.repeat([0, 1], 20)
+    whole = window_threshold_db(distance_db, walk, 38)
+    np.testing.assert_array_equal(window_threshold_db(distance_db, walk, 10**9), whole)
+    for window in (1, 4.5, "10", None, np.nan):
+        with pytest.raises(InputError, match=r"window=.* whole number from 2"):
+            window_threshold_db(distance_db, walk, window)  # type: ignore[arg-type]
+
+
 def test_a_walk_of_one_scan_has_no_threshold() -> None:
     found = window_threshold_db(np.zeros((3, 3)), [0, 0, 1], 2)
     assert np.isfinite(found[:2]).all()

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 import yaml
 from conftest import ROOT
+from scipy import stats
 
 from positioning.evaluation.measures import MEASURES
 from positioning.evaluation.results import StudyResults
@@ -43,6 +44,8 @@ SWEEPS = {
 }
 ALL = ["block", "outage", "outage_place", "table", "below_limit", "consistency", "outage_length", "noise"]
 ALL += ["weak", "variants", "height"]
+LAG_S = {0.01: 0.1, 1.0: -0.01, 100.0: -0.2}
+"""In the first world."""
 LANDMARK_M = np.array([[0.0, 20, 3], [40, 20, 5], [40, -20, 7], [-1000, -1000, 0]])
 
 
@@ -124,6 +127,7 @@ def swept():
                 lines.append(("white", sweep, value, number, metric, factor * level * (1 + 0.1 * number)))
             if sweep == "noise_gps":
                 lines.append(("white", sweep, value, number, "gps_nees", 10 / value))
+                lines.append(("white", sweep, value, number, "gps_lag_s", LAG_S[value] + 0.01 * number))
     return pd.DataFrame(lines, columns=MEASURES)
 
 
@@ -217,10 +221,13 @@ def test_captions_tell_worlds_and_assumptions_and_that_the_paper_prints_nothing(
     for item in drawn.values():
         assert "n = " in item.caption, item.name
         assert "world" in item.caption, item.name
-        assert "assumed" in item.caption, item.name
         assert "prints no result of a flight" in item.caption, item.name
         assert re.search(r"\d", item.alt), item.name
         assert "nan" not in item.caption + item.alt, item.name
+    # Once on the page, where a reader begins.
+    assert ["Course, sensors and noises are assumed" in item.caption for item in drawn.values()] == [
+        name == ALL[0] for name in ALL
+    ]
 
 
 def test_axes_have_units(drawn):
@@ -244,8 +251,10 @@ def test_the_map_is_that_of_the_first_world_with_ellipses_of_95_percent(drawn):
         assert (ellipse.angle + across) % 180 == pytest.approx(0, abs=1e-9)
     centres = np.array([ellipse.get_center() for ellipse in ellipses])
     np.testing.assert_allclose(centres, [[5, 20], [40.3, 20], [40, -20.3]])
-    assert nine.get_title(loc="left") == "slam: 2 of 3 hold zero"
-    assert fifteen.get_title(loc="left") == "slam_15: 2 of 3 hold zero"
+    assert nine.get_title(loc="left") == "slam: 2 of 3"
+    assert fifteen.get_title(loc="left") == "slam_15: 2 of 3"
+    assert "slam 67 % of 9 (3 worlds), slam_15 67 % of 9 (3 worlds)" in item.caption
+    assert "correlated over 100 s" in item.caption
     assert "in 2 of 3 cases" in item.alt
     stretch = next(line for line in plan.get_lines() if line.get_label() == "outage of GPS")
     assert stretch.get_xdata().min() == BEGIN_S + 1 / RATE_HZ
@@ -303,6 +312,9 @@ def test_the_table_has_all_configurations_and_the_limit(drawn):
         np.testing.assert_allclose(dots(axes, "o")[:, 0], expected)
         assert [line for line in axes.get_lines() if set(line.get_xdata()) == {LIMIT_M}]
     assert "n = 180 epochs a flight" in drawn["table"].caption
+    mean_m, last_m = (np.mean(SPREAD) * (1 + GROWTH["slam"] * wide_s) for wide_s in (away_s.mean(), 30.0))
+    assert f"slam {mean_m:.2f} / {last_m:.2f} / {last_m:.2f}" in drawn["table"].caption
+    assert f"slam {mean_m:.2f}, {last_m:.2f}, {last_m:.2f} m" in drawn["table"].alt
     # A row that does not run in a family has no dot there.
     assert len(dots(panels[0], "^")) == sum(runs(row, "weak") for row in GROWTH)
 
@@ -355,6 +367,17 @@ def test_sweeps_are_drawn_at_their_values(drawn):
         np.testing.assert_allclose(curve.get_ydata(), levels)
     assert nees.get_yscale() == "log"
     assert "1e+03 at 0.01" in drawn["noise"].alt
+
+
+def test_the_mean_lag_is_told_with_its_interval(study, drawn):
+    half_s = stats.t.ppf(0.975, 2) * 0.01 / np.sqrt(3)
+    minus = "\N{MINUS SIGN}"
+    for text in (drawn["noise"].caption, drawn["noise"].alt):
+        assert f"0.110 s ({0.11 - half_s:.3f} to {0.11 + half_s:.3f}) at 0.01, " in text
+        assert f", 0.000 s ({minus}{half_s:.3f} to {half_s:.3f}) at 1, " in text
+        assert f", {minus}0.190 s ({minus}{0.19 + half_s:.3f} to {minus}{0.19 - half_s:.3f}) at 100." in text
+    unknown = {item.name: item for item in figures.draw(kept(study, lambda m: m["metric"] != "gps_lag_s"))}
+    assert "lag" not in unknown["noise"].caption
 
 
 def test_a_sweep_takes_from_the_table_what_it_need_not_run_again(study):
@@ -580,6 +603,19 @@ def test_the_page_of_the_rover_tells_how_large_the_innovations_are(real):
     assert "too large for this receiver, by a factor of about 5 if" in caption(1.5, 0.04)
     assert "too large" not in caption(1.5, 0.9)
     assert "innovation" not in next(d for d in figures.draw(real) if d.name == "errors").caption
+
+
+def test_the_page_of_the_rover_puts_filters_beside_the_gps_that_they_use(real):
+    def caption(rows):
+        gps_s = {"recording.gps_time_s": np.arange(60.0)[None]}
+        observed = {family: arrays | gps_s for family, arrays in real.observed.items()}
+        return next(
+            d for d in figures.draw(replace(real, rows=rows, observed=observed)) if d.name == "errors"
+        ).caption
+
+    words = "readings of GPS are 0.50 m off on the mean, gps_inertial 3.00 m"
+    assert f"{words}: gps_inertial is worse than the GPS that it uses." in caption(tuple(ROVER_ROWS))
+    assert "readings of GPS are" not in caption(("inertial",))
 
 
 def test_a_rover_without_estimates_outages_or_rows_is_enough(real):

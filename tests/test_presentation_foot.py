@@ -416,6 +416,8 @@ def real(tmp_path_factory):
             "recording.start_heading_rad": np.zeros(1),
         }
         truth[name] = index | {"truth.position_m": path_m[None], "truth.path_m": path_m[None]}
+        if name.startswith(("mocap", "corridor")):
+            truth[name]["truth.stance_time_s"] = np.zeros((1, 3, 2))
         for row, level in REAL.items():
             if row != "control_centre" and foot != row.startswith("inertial"):
                 continue
@@ -428,6 +430,8 @@ def real(tmp_path_factory):
             # A square: forward one metre and a quarter turn, four times.
             step |= {"estimate.extra_step_forward_m": np.array([[1.0, 1.0, 1.0, 1.0, np.nan]])}
             step |= {"estimate.extra_step_left_m": np.zeros((1, 5))}
+            made = 1 if (row, name) == ("inertial_shoe", "mocap_b") else 4
+            step |= {"estimate.extra_step_time_s": np.where(np.arange(5) < made, 1.0, np.nan)[None]}
             step |= {"estimate.extra_step_turn_rad": np.full((1, 5), np.pi / 2)}
             trees[row][f"{name}/0"] = step
     # The last recording stands in another batch, whose arrays are not at hand.
@@ -457,6 +461,9 @@ def test_no_recording_is_left_out(real):
     assert len(line(second, "inertial").get_xdata()) == 5
     assert 0 < line(first, "control_centre").get_xdata()[5] < 0.05
     assert "for it is zero: control_centre in loop" in found["errors"].caption
+    # Twelve stances are eleven strides; the loop has none that are known.
+    assert "inertial 0.36 (0.36 to 0.36, 5 recordings)" in found["errors"].caption
+    assert "almost none: inertial_shoe in mocap_b (1 of 11)." in found["errors"].caption
     for item in found.values():
         assert "n = " in item.caption
         assert re.search(r"\d", item.alt)

@@ -381,6 +381,40 @@ def test_worlds_are_dots_and_differences_are_told(study, drawn):
     assert sum("\N{RIGHTWARDS ARROW}" in text.get_text() for text in axes.texts) == 2
 
 
+def test_the_printed_level_lies_within_the_axis(study):
+    # All errors far below what is printed.
+    small = study.measures.assign(
+        x=np.where(study.measures["metric"].str.contains("mean_m|max_m"), 0.01, study.measures["x"])
+    )
+    found = by_name(replace(study, measures=small))
+    for name in ("starts", "costs"):
+        for axes in found[name].figure.axes:
+            low, high = axes.get_ylim()
+            level = line(axes, "printed").get_ydata()[0]
+            assert low < 0.99 * level < 1.01 * level < high, name
+
+
+def test_the_caption_of_costs_tells_the_weight_of_each_row(study):
+    weight = {"aligned": 1e-4, "aligned_linear": 1e-4, "aligned_cauchy": 1e-3}
+    told = replace(study, settings={row: {"wifi_weight": own} for row, own in weight.items()})
+    caption = by_name(told)["costs"].caption
+    assert "Weight of WiFi edges: squared 0.0001, linear 0.0001, Cauchy 0.001." in caption
+    same = replace(study, settings={row: {"wifi_weight": 1e-4} for row in weight})
+    assert "The weight of WiFi edges is 0.0001 for all." in by_name(same)["costs"].caption
+    # Where nobody told the settings, nothing is said of them.
+    assert "0.0001" not in by_name(study)["costs"].caption
+    assert "baseline. Each cost has" in by_name(study)["costs"].caption
+
+
+def test_a_long_bar_does_not_squeeze_the_short_ones(study):
+    far = (study.measures["algorithm"] == "graph_slam") & (study.measures["metric"] == "max_m")
+    found = by_name(replace(study, measures=study.measures.assign(x=study.measures["x"] + 37.0 * far)))
+    panels = found["printed"].figure.axes
+    reach = {label.get_text(): axes.get_xlim()[1] for axes in panels for label in axes.get_yticklabels()}
+    assert reach["Fig. 7, largest, start as printed"] > 37
+    assert reach["Fig. 7, mean"] < 15
+
+
 def test_sweeps_mark_the_value_of_the_row_and_tell_edges(drawn):
     for name, usual in (("window", 10), ("farthest", 30), ("access_points", 70), ("fixed_threshold", None)):
         errors, edges = drawn[name].figure.axes
@@ -398,23 +432,30 @@ def test_sweeps_mark_the_value_of_the_row_and_tell_edges(drawn):
 def test_the_weight_is_marked_and_all_settings_are_counted(weights, drawn):
     (axes,) = drawn["weight"].figure.axes
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-    assert line(axes, "weight of all rows: 0.001").get_xdata()[0] == 1e-3
-    assert "8 settings were tried" in drawn["weight"].caption
+    assert line(axes, "rows aligned, aligned_linear: 0.001").get_xdata()[0] == 1e-3
+    assert "8 weights are shown" in drawn["weight"].caption
+    assert "on these worlds as well" not in drawn["weight"].caption
+    more = replace(weights, sweeps={**WEIGHTS, "fixed_threshold": ("threshold", (3.0, 6.0))})
+    told = by_name(more)["weight"].caption
+    assert "2 values of fixed_threshold were tried on these worlds as well." in told
     np.testing.assert_allclose(line(axes, "squared").get_ydata(), [3.1, 1.1, 3.1])
     np.testing.assert_allclose(line(axes, "squared").get_xdata(), [1e-5, 1e-3, 1e-1], rtol=0.2)
     assert line(axes, "aligned, no graph").get_ydata()[0] == pytest.approx(4.1)
     assert "Ring: least of each cost, squared at 0.001, linear, eq. 5 at 0.001" in drawn["weight"].caption
-    assert "All rows have 0.001 (line), which is the best" in drawn["weight"].caption
+    for row, words in (("aligned", "squared"), ("aligned_linear", "linear, eq. 5")):
+        assert f"Row {row} has 0.001 (line), which is the best shown for {words}." in drawn["weight"].caption
+    # The row with Cauchy's loss is not among these: nothing is said of its weight.
+    assert "Row aligned_cauchy" not in drawn["weight"].caption
     # A weight that is not the best is told to be none.
     better = weights.measures.assign(
         x=np.where(weights.measures["value"] == 1e-5, 0.2, weights.measures["x"])
     )
     found = by_name(replace(weights, measures=better))["weight"]
     assert "squared at 1e-05" in found.caption
-    assert "All rows have 0.001 (line), which is not the best" in found.caption
+    assert "Row aligned has 0.001 (line), which is not the best" in found.caption
     # Without the row, nothing tells which weight the rows have.
     other = kept(weights, lambda m: m["algorithm"] != "aligned")
-    assert "All rows" not in by_name(other)["weight"].alt
+    assert "Row aligned has" not in by_name(other)["weight"].alt
     assert list(by_name(replace(weights, sweeps={}))) == []
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from positioning.evaluation.measures import MEASURES
 from positioning.evaluation.results import StudyResults
-from positioning.files import write_tree
+from positioning.files import read_tree, write_tree
 from positioning.geometry import rotated
 from positioning.presentation import figures
 from positioning.presentation.style import drawing, stroke
@@ -120,6 +120,28 @@ def test_costs_are_drawn_and_written_with_steps_and_known_errors(results: StudyR
         assert axes.get_xlim()[1] > 10 * max(dots)
     assert "Costs of seen: dead_reckoning 123,456, 0 steps, 49.40 m" in item.alt
     assert "gtsam" not in item.alt
+
+
+def test_searches_that_did_not_end_by_themselves_are_hollow_and_told(results: StudyResults) -> None:
+    for path in results.estimate_files:
+        tree = read_tree(path)
+        for family, step in tree.items():
+            if "dead_reckoning" not in path:
+                step["estimate.extra_converged"] = np.array(["robust" not in path or family == "seen/0"])
+        write_tree(path, tree)
+    found = {item.name: item for item in figures.draw(results)}
+    item = found["costs"]
+    blind, seen = item.figure.axes
+    for axes, hollow in ((blind, ["robust_cauchy"]), (seen, [])):
+        rows = [label.get_text() for label in axes.get_yticklabels()]
+        drawn = [
+            rows[int(dot.get_ydata()[0])] for dot in axes.get_lines() if dot.get_markerfacecolor() == "white"
+        ]
+        assert drawn == hollow
+        assert [rows[i] for i, text in enumerate(axes.texts) if "(stopped)" in text.get_text()] == hollow
+    for name in ("costs", "trajectories_blind"):
+        assert "as a rule at the limit of its steps: robust_cauchy in blind." in found[name].caption
+    assert "limit of its steps" not in found["trajectories_seen"].caption
 
 
 def test_a_peer_that_ran_is_drawn_and_one_row_is_enough(results: StudyResults, tmp_path: Path) -> None:

@@ -37,6 +37,24 @@ def test_steps_are_those_of_scipy(iterations: int) -> None:
         np.testing.assert_allclose(found.value[problem], expected.fun, atol=1e-8)
 
 
+@pytest.mark.parametrize(("depth", "memory"), [(1.0, 5), (2.0, 3), (2.0, 5)])
+def test_a_step_without_curvature_is_skipped_as_in_scipy(depth: float, memory: int) -> None:
+    """Across the ridges of a bowl with teeth some steps have a negative curvature; older ones are kept."""
+    steepness = np.arange(1.0, 7.0)
+
+    def teeth(point: Array) -> tuple[Array, Array]:
+        saw = np.mod(point, 1.0) - 0.5
+        value = np.sum(steepness * point**2 / 2 - depth * np.abs(saw), axis=-1)
+        return value, steepness * point - depth * np.sign(saw)
+
+    found = minimise_together(lambda _, point: teeth(point), START, iterations=40, memory=memory)
+    options = {"maxiter": 40, "maxcor": memory}
+    for problem, start in enumerate(START):
+        expected = minimize(teeth, start, jac=True, method="L-BFGS-B", options=options)
+        assert found.iterations[problem] == expected.nit
+        np.testing.assert_allclose(found.point[problem], expected.x, atol=1e-6)
+
+
 @pytest.mark.parametrize("setting", ["gtol", "ftol", "maxcor"])
 def test_settings_mean_what_they_mean_in_scipy(setting: str) -> None:
     value = {"gtol": 5.0, "ftol": 1e-2, "maxcor": 2}[setting]

@@ -132,3 +132,12 @@ def test_senseless_settings_are_refused(name: str, settings_: Any, message: str)
 def test_shapes_that_do_not_fit_are_refused() -> None:
     with pytest.raises(InputError, match="shapes"):
         shoe(np.zeros((5, 3)), np.zeros((6, 3)), RATE_HZ)
+
+
+@pytest.mark.parametrize("answer", [np.ones(5, dtype=bool), np.ones(6), np.ones((6, 1), dtype=bool)])
+def test_a_detector_answers_with_one_truth_value_a_reading(
+    answer: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(DETECTORS, "own", lambda force, rate, rate_hz: answer)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"detector 'own': it is .* not bool of shape \(6,\)"):
+        detect("own", {}, np.zeros((6, 3)), np.zeros((6, 3)), 100.0)

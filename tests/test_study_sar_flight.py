@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from algorithms.tracking.flight_gps_inertial import FlightGpsInertial
 from algorithms.tracking.flight_slam import FlightSlam
+from positioning.evaluation.claims import judge
+from positioning.evaluation.measures import MEASURES
 from positioning.evaluation.studies import flight_real
 from positioning.evaluation.studies.sar_flight import LIMIT_M, SETTLED_S, measures, nees_of
 from positioning.evaluation.tracks import Answer, answers
@@ -23,7 +25,10 @@ from positioning.tasks import tracking
 
 PAPER = read_yaml(ROOT / "data/papers/robo_sar.yaml")
 SETTINGS = {name: setting["value"] for name, setting in PAPER["settings"]["sar_flight"].items()}
-FAMILIES = read_yaml(ROOT / "config/config.yaml")["studies"]["sar_flight"]["families"]
+FAMILIES = {
+    name: {setting: value for setting, value in family.items() if setting != "meaning"}
+    for name, family in read_yaml(ROOT / "config/config.yaml")["studies"]["sar_flight"]["families"].items()
+}
 FIRST_SEED, WORLDS = 790_000, 24
 """Seeds of no study."""
 
@@ -167,6 +172,32 @@ def test_a_track_lags_by_the_time_that_it_is_behind() -> None:
     still = TRUTH | {"truth.velocity_m_per_s": np.zeros((1, EPOCHS, 3))}
     worlds["d/00000/truth.npz"] = {"white": still}
     assert "gps_lag_s" not in set(measures(estimates, worlds)["metric"])
+
+
+@pytest.mark.parametrize(
+    ("claim_id", "lags_s"),
+    [
+        ("flight.lag.large", {-0.21: False, -0.19: True, 0.0: True, 0.19: True, 0.21: False}),
+        ("flight.lag.small", {-0.3: False, 0.04: False, 0.06: True, 3.0: True}),
+    ],
+)
+def test_a_lag_is_judged_at_one_point_of_the_sweep(claim_id: str, lags_s: dict[float, bool]) -> None:
+    (claim,) = [c for c in PAPER["claims"] if c["id"] == claim_id]
+    tried = read_yaml(ROOT / "config/config.yaml")["studies"]["sar_flight"]["sweeps"]["noise_gps"]["over"]
+    assert claim["quantity"]["at"] in tried["noise_factor"]
+    for lag_s, met in lags_s.items():
+        frame = pd.DataFrame(
+            [
+                ("white", "noise_gps", factor, world, "gps_lag_s", lag_s if own else 9.0 * (-1) ** world)
+                for factor in tried["noise_factor"]
+                for own in [factor == claim["quantity"]["at"]]
+                for world in range(WORLDS)
+            ],
+            columns=MEASURES,
+        )
+        ledger = judge([claim], frame, paper="p", study="s", family="white", calibrated={})
+        assert ledger["rebuilt"].tolist() == [float(met)]
+        assert ledger["verdict"].tolist() == ["holds" if met else "fails"]
 
 
 def test_the_share_below_the_limit_counts_epochs_of_the_outage() -> None:

@@ -8,7 +8,7 @@ from algorithms.alignment.graph_slam import Extra, GraphSlam
 from algorithms.alignment.ransac_alignment import RansacAlignment
 from positioning.model import Array
 from positioning.posegraph.optimiser import Cost, Frame, Loss
-from positioning.walk_alignment import Poses, moved
+from positioning.walk_alignment import Placing, Poses, moved, placed_by
 
 
 class AlignedGraphSlam(GraphSlam):
@@ -26,7 +26,8 @@ class AlignedGraphSlam(GraphSlam):
     Parameters
     ----------
     alignment
-        How the walks are aligned first; None: `RansacAlignment` as it is.
+        How the walks are aligned first: an algorithm with a method ``placed``, see
+        `positioning.walk_alignment.Placing`; None: `RansacAlignment` as it is.
     window, exclude_s, exclude_m, threshold, decides, wifi_weight, e_max, d_min_m, d_max_m, cost, loss
         As in `GraphSlam`.
     loss_scale, iterations, frame, wifi_edges, access_points
@@ -36,7 +37,7 @@ class AlignedGraphSlam(GraphSlam):
     def __init__(
         self,
         *,
-        alignment: RansacAlignment | None = None,
+        alignment: Placing | None = None,
         window: int = 10,
         exclude_s: float = 30.0,
         exclude_m: float = 2.0,
@@ -75,9 +76,9 @@ class AlignedGraphSlam(GraphSlam):
         self.alignment = alignment
 
     def _start(self, poses: Poses, rng: np.random.Generator) -> tuple[Array, Extra]:
-        """Return the walks as aligned, [m, 3], which of them are, and by how many matches."""
-        alignment = RansacAlignment() if self.alignment is None else self.alignment
-        placed = alignment.placed(poses, rng)
+        """Return the walks as aligned, [m, 3], which of them are, by how many matches, or why not."""
+        placed = placed_by(RansacAlignment() if self.alignment is None else self.alignment, poses, rng)
         start = moved(poses, placed.turn_rad, placed.shift_m)
         aligned = placed.part == poses.walk[poses.reference]
-        return start, {"aligned": aligned, "matches": placed.matches}
+        extra: Extra = {"aligned": aligned, "matches": placed.matches}
+        return start, extra if placed.reason is None else {**extra, "reason": placed.reason}

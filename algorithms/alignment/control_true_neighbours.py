@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from positioning.errors import InputError
+from positioning.errors import InputError, check_number
 from positioning.geometry import pairwise_distance_m, rigid_fit
 from positioning.model import Aligned, Array, Truth, Walks
 from positioning.posegraph.optimiser import optimise
@@ -58,8 +58,7 @@ class ControlTrueNeighbours:
             For walks that cannot be used, a truth without headings, or settings outside their range.
         """
         for name, value in (("near_m", self.near_m), ("exclude_s", self.exclude_s)):
-            if not value >= 0:
-                raise InputError(f"{name}={value}", "it is not a number from zero", "Correct it")
+            check_number(name, value, least=0)
         poses = poses_of(walks)
         if self.truth.path_m is None or self.truth.heading_rad is None:
             raise InputError("truth", "path_m or heading_rad is missing", "Give the true pose at each time")

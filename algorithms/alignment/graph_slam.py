@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from positioning.errors import InputError, check_whole
+from positioning.errors import InputError, check_number, check_whole
 from positioning.model import Aligned, Array, Walks
 from positioning.posegraph.graph import PoseGraph
 from positioning.posegraph.optimiser import FRAMES, Cost, Frame, Loss, NearCost, optimise
@@ -145,9 +145,11 @@ class GraphSlam:
         InputError
             For walks that cannot be used, or settings outside their range.
         """
+        check_number("wifi_weight", self.wifi_weight, least=0)
         near = self._near().check()
-        if self.iterations != int(self.iterations) or self.iterations < 1:
-            raise InputError(f"iterations={self.iterations}", "it is not a whole number from 1", "Correct it")
+        check_whole("iterations", self.iterations, least=1)
+        if not isinstance(self.wifi_edges, bool | np.bool_):
+            raise InputError(f"wifi_edges={self.wifi_edges!r}", "it is no truth value", "Give True or False")
         if self.frame not in FRAMES:
             raise InputError(f"frame={self.frame!r}", f"it is none of {', '.join(FRAMES)}", "Correct it")
         if self.access_points is not None:

@@ -11,12 +11,11 @@ import numpy as np
 
 from algorithms.alignment.aligned_graph_slam import AlignedGraphSlam
 from algorithms.alignment.graph_slam import Minimum
-from algorithms.alignment.ransac_alignment import RansacAlignment
 from positioning.errors import InputError, Reason, check_whole, refusal
 from positioning.model import Aligned, Array, Walks
 from positioning.posegraph.graph import PoseGraph
 from positioning.posegraph.optimiser import NearCost
-from positioning.walk_alignment import Poses
+from positioning.walk_alignment import Placing, Poses
 
 
 class GtsamGraphSlam(AlignedGraphSlam):
@@ -36,7 +35,7 @@ class GtsamGraphSlam(AlignedGraphSlam):
     most_edges
         WiFi edges that stay.
     alignment
-        How the walks are aligned first; None: `RansacAlignment` as it is.
+        How the walks are aligned first, as of `AlignedGraphSlam`; None: `RansacAlignment` as it is.
     window, exclude_s, exclude_m, threshold, decides, wifi_weight, e_max, d_min_m, d_max_m
         As in `GraphSlam`.
     iterations
@@ -47,7 +46,7 @@ class GtsamGraphSlam(AlignedGraphSlam):
         self,
         *,
         most_edges: int = 1000,
-        alignment: RansacAlignment | None = None,
+        alignment: Placing | None = None,
         window: int = 10,
         exclude_s: float = 30.0,
         exclude_m: float = 2.0,
@@ -110,9 +109,7 @@ class GtsamGraphSlam(AlignedGraphSlam):
         """
         if reason := self.skip(walks):
             raise refusal("gtsam_graph_slam", reason)
-        check_whole("most_edges", self.most_edges)
-        if self.most_edges < 1:
-            raise InputError(f"most_edges={self.most_edges}", "no edge would be left", "Give 1 or more")
+        check_whole("most_edges", self.most_edges, least=1)
         return super().align(walks, rng)
 
     def _graph(self, poses: Poses, start: Array) -> PoseGraph:

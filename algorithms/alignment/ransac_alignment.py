@@ -59,8 +59,9 @@ class RansacAlignment:
         -------
         Aligned
             With, for each walk, ``aligned``: whether it is joined to the reference (a walk that is not keeps
-            its dead-reckoned frame, or that of the first walk it is joined to), and ``matches``: how many
-            matched scans agreed when it was joined, 0 for a walk whose frame stays.
+            its dead-reckoned frame, or that of the first walk it is joined to), ``matches``: how many
+            matched scans agreed when it was joined, 0 for a walk whose frame stays, and ``reason``: why it is
+            not joined, in words, empty for a walk that is.
 
         Raises
         ------
@@ -71,7 +72,8 @@ class RansacAlignment:
         placed = self.placed(poses, rng)
         pose = moved(poses, placed.turn_rad, placed.shift_m)
         aligned = placed.part == poses.walk[poses.reference]
-        return in_reference_frame(poses, pose, {"aligned": aligned, "matches": placed.matches})
+        extra = {"aligned": aligned, "matches": placed.matches, "reason": placed.reason}
+        return in_reference_frame(poses, pose, {name: v for name, v in extra.items() if v is not None})
 
     def placed(self, poses: Poses, rng: np.random.Generator) -> Placed:
         """Return where the walks lie, for algorithms that go on from there.

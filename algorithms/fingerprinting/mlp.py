@@ -5,10 +5,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from positioning.estimator import clone
 from positioning.fingerprints import (
     FingerprintRegressor,
     Index,
     Mask,
+    checked_survey,
     fill_not_heard,
     standardisation,
     training_members,
@@ -95,19 +97,20 @@ class Mlp(FingerprintRegressor):
         """Return the estimate of each fingerprint with its reference point left out, [n, 2], metres.
 
         See Mirzababaei & Akbari, section 6. Each fold trains a network of its own from the same start.
-        Parameters as in `fit`.
+        Parameters as in `fit`, whose network stays as it is.
         """
-        rss, position = self._training(rss_dbm, position_m, least=2)
+        rss, position = checked_survey(rss_dbm, position_m, least=2)
         reading = fill_not_heard(rss, self.not_heard_dbm)
         # Fingerprints taken at one place leave out the same ones, and share a network.
         _, place, of_place = np.unique(position, axis=0, return_index=True, return_inverse=True)
         member = training_members(position)[place]
         located = np.empty_like(position)
+        networks = clone(self)
         at_once = max(1, _INPUT_BYTES // (8 * (rss.shape[1] + 1) * len(rss)))
         for begin in range(0, len(place), at_once):
-            self._train(reading, position, member[begin : begin + at_once])
+            networks._train(reading, position, member[begin : begin + at_once])
             tested = np.flatnonzero((of_place >= begin) & (of_place < begin + at_once))
-            located[tested] = self._locate(reading[tested], of_place[tested] - begin)
+            located[tested] = networks._locate(reading[tested], of_place[tested] - begin)
         return located
 
     def _train(self, reading_dbm: Array, position_m: Array, member: Mask) -> None:

@@ -7,8 +7,10 @@ from numpy.typing import ArrayLike
 from sklearn import config_context
 from sklearn.svm import SVR
 
+from positioning.estimator import clone
 from positioning.fingerprints import (
     FingerprintRegressor,
+    checked_survey,
     fill_not_heard,
     signal_distance_db,
     standardisation,
@@ -81,18 +83,20 @@ class Svm(FingerprintRegressor):
     def leave_one_out(self, rss_dbm: ArrayLike, position_m: ArrayLike) -> Array:
         """Return the estimate of each fingerprint with its reference point left out, [n, 2], metres.
 
-        See Mirzababaei & Akbari, section 6. Parameters as in `fit`.
+        See Mirzababaei & Akbari, section 6. Parameters as in `fit`, whose machines stay as they are.
         """
-        rss, position = self._training(rss_dbm, position_m, least=2)
+        rss, position = checked_survey(rss_dbm, position_m, least=2)
         reading = fill_not_heard(rss, self.not_heard_dbm)
         located = np.empty_like(position)
+        machines = clone(self)
         # Fingerprints taken at one place leave out the same ones, and share their machines.
         _, place, of_place = np.unique(position, axis=0, return_index=True, return_inverse=True)
         for fold, member in enumerate(training_members(position)[place]):
             # Settings that passed scikit-learn's checks once need not pass them every time.
             with config_context(assume_finite=fold > 0, skip_parameter_validation=fold > 0):
                 tested = of_place == fold
-                located[tested] = self._train(reading[member], position[member])._locate(reading[tested])
+                machines._train(reading[member], position[member])
+                located[tested] = machines._locate(reading[tested])
         return located
 
     def _train(self, reading_dbm: Array, position_m: Array) -> Self:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from positioning.model import Array
-from positioning.posegraph.graph import PoseGraph, Solved
+from positioning.posegraph.graph import PoseGraph, Solved, checked
 
 
 class DeadReckoning:
@@ -27,5 +27,5 @@ class DeadReckoning:
         InputError
             For a graph that cannot be used.
         """
-        pose: Array = np.array(graph.check().pose, dtype=np.float64)
+        pose: Array = np.array(checked(graph).pose, dtype=np.float64)
         return Solved(pose, {"iterations": np.array(0)})

@@ -6,8 +6,8 @@ from importlib.util import find_spec
 import numpy as np
 
 from algorithms.alignment.gtsam_graph_slam import gtsam_minimum
-from positioning.errors import Reason, refusal
-from positioning.posegraph.graph import PoseGraph, Solved
+from positioning.errors import Reason, check_number, check_whole, refusal
+from positioning.posegraph.graph import PoseGraph, Solved, checked
 from positioning.posegraph.optimiser import NearCost
 
 
@@ -84,9 +84,12 @@ class GtsamLevenbergMarquardt:
             Without gtsam, with too many pairs, for a graph that cannot be used, or settings outside their
             range.
         """
+        checked(graph)
+        check_whole("most_near", self.most_near, least=0)
         if reason := self.skip(graph):
             raise refusal("gtsam_levenberg_marquardt", reason)
-        graph.check()
+        check_whole("iterations", self.iterations, least=1)
+        check_number("near_sigma_m", self.near_sigma_m, above=0)
         near = NearCost.of_distance(self.near_sigma_m, d_min_m=self.d_min_m, d_max_m=self.d_max_m)
         turn_rad = np.asarray(graph.motion)[:, 2]
         into_second = np.zeros((len(turn_rad), 3, 3))

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from positioning.errors import check_number
 from positioning.posegraph.graph import PoseGraph, Solved
 from positioning.posegraph.optimiser import Loss, NearCost, Search, Start, optimise
 
@@ -70,6 +71,8 @@ class LevenbergMarquardt:
     def _solved(
         self, graph: PoseGraph, loss: Loss | None, loop_scale: float, near_scale_m: float, search: Search
     ) -> Solved:
+        check_number("near_sigma_m", self.near_sigma_m, above=0)
+        check_number("near_scale_m", near_scale_m, above=0)
         near = NearCost.of_distance(
             self.near_sigma_m, d_min_m=self.d_min_m, d_max_m=self.d_max_m, loss=loss, scale_m=near_scale_m
         )

@@ -19,6 +19,11 @@ class LevenbergMarquardtRobust(LevenbergMarquardt):
     of 0, 0.1 and 0.5 or some of them: the square, Cauchy's loss and "dcs" with the flat end, and these and
     Huber's loss without it. The scale of one metre was never changed.
 
+    "dcs" needs a good start. Far from zero its cost is flat, and what it pulls with falls with the cube of
+    the residual, so that loops and pairs that the dead reckoning misses by far count as wrong ones: on the
+    corridor the search ends by itself after few steps, or none, nearly where it began. "cauchy" pulls with
+    the inverse of the residual, which is little, and still brings them in.
+
     Parameters
     ----------
     loss

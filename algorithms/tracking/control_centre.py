@@ -9,7 +9,7 @@ from positioning.model import Calibration, Recording, Site, Survey, Track
 
 
 class ControlCentre:
-    """The centre of the site at all times, whatever was heard: no row should be worse.
+    """The centre of the site at all times, whatever was heard: a row that is worse than this is no help.
 
     See Raghavan et al., Table II, to which this row is added. The covariance is that of a uniform place.
     """

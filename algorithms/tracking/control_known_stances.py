@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.tracking.foot_cascaded_filter import FootCascadedFilter
-from algorithms.tracking.foot_inertial import FootInertial, reckon
+from algorithms.tracking.foot_inertial import FootInertial, reckon, start_missing
 from positioning.errors import InputError
 from positioning.filters.plane import check_stack, track_one, with_leading_axis
 from positioning.inertial.foot import check_imu
@@ -64,8 +64,10 @@ class ControlKnownStances:
         """
         if self.truth is None or self.truth.stance_time_s is None:
             return "the true stances are known of synthetic worlds only"
-        tracker = self._fusion() if isinstance(survey, Survey) else self._inertial()
-        return tracker.skip(recording, survey, site)
+        if isinstance(survey, Survey):
+            return self._fusion().skip(recording, survey, site)
+        # The inertial filter's own reasons include its detector, which is not used here.
+        return start_missing(recording)
 
     def track(
         self,

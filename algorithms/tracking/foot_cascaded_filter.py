@@ -92,6 +92,9 @@ class FootCascadedFilter:
         Added to the noted heading, to see what a wrong one does.
     """
 
+    takes_steps = True
+    """A row of it may build on the steps of another row, with the key ``steps``."""
+
     def __init__(
         self,
         *,
@@ -262,6 +265,8 @@ def cannot_fuse(
         return reason
     if headings_missing(recording):
         return "the start heading was not recorded"
+    if isinstance(survey, Survey) and not np.isfinite(survey.position_m).any():
+        return "the survey has no points"
     if survey is not None and np.ndim(recording.time_s) == 1:
         survey, site = with_leading_axis(survey), with_leading_axis(site)
     return cannot_fix(fingerprinting, survey, recording, site)

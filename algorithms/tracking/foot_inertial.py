@@ -11,10 +11,12 @@ from positioning.errors import InputError
 from positioning.filters import kalman
 from positioning.filters.plane import (
     LEAST_VARIANCE_M2,
+    check_angle,
     check_settings,
     check_stack,
     headings_missing,
     track_one,
+    with_leading_axis,
 )
 from positioning.inertial.foot import (
     Fixes,
@@ -23,8 +25,10 @@ from positioning.inertial.foot import (
     Start,
     Steps,
     aligned,
+    check_imu,
     foot_navigation,
     imu_missing,
+    late_alignment,
     misalignment_rad,
     steps,
     straight_steps,
@@ -186,8 +190,9 @@ class FootInertial:
             straight_steps=(self.straight_steps, 1, 1e9),
             straight_least_m=(self.straight_least_m, 0, 1e3),
             straight_most_rad=(self.straight_most_rad, 0, 1e3),
-            misalignment_offset_rad=(self.misalignment_offset_rad, -1e3, 1e3),
+            misalignment_offset_rad=(self.misalignment_offset_rad, -np.inf, np.inf),
         )
+        check_angle("misalignment_offset_rad", self.misalignment_offset_rad)
         settings = self.settings()
         both = np.hypot(settings.heading_noise_rad_per_rt_s, heading_noise_rad_per_rt_s)
         settings = replace(settings, heading_noise_rad_per_rt_s=float(both))
@@ -245,15 +250,20 @@ class FootInertial:
     def skip(self, recording: Recording, survey: Survey | Calibration | None, site: Site) -> str:
         """Say why these data cannot be tracked; empty where they can.
 
-        See Frank et al., section 3.
+        See Frank et al., section 3. That is also where the rest of the alignment ends after half of a
+        recording.
         """
-        if reason := imu_missing(recording):
+        if reason := start_missing(recording):
             return reason
-        if headings_missing(recording):
-            return "the start heading was not recorded"
-        if recording.start_position_m is None or np.isnan(recording.start_position_m).any():
-            return "the start place was not recorded"
-        return ""
+        stacked = with_leading_axis(recording) if np.ndim(recording.time_s) == 1 else recording
+        settings = self.settings()
+        try:
+            settings.check()
+            check_imu(stacked)
+            return late_alignment(stacked, settings)
+        except InputError:
+            # What cannot be used is no reason to skip: tracking refuses it.
+            return ""
 
     def track(
         self,
@@ -291,8 +301,8 @@ class FootInertial:
         -------
         Track
             With the covariance of the inertial filter, and extra ``heading_rad`` [r, n], not wrapped,
-            ``steps`` [r, n], their number so far, and the steps themselves, ``step_time_s`` and so on [r, s],
-            for rows that build on them.
+            ``steps`` [r, n], their number so far, ``alignment_end_s`` [r], until when nothing moves, and the
+            steps themselves, ``step_time_s`` and so on [r, s], for rows that build on them.
 
         Raises
         ------
@@ -305,6 +315,20 @@ class FootInertial:
             )
         check_stack(recording, site, beacons=False)
         return reckon(recording, self, self.navigation(recording, site))
+
+
+def start_missing(recording: Recording) -> str:
+    """Say what dead reckoning lacks: inertial readings, or a noted start; empty where it has all.
+
+    See Frank et al., section 3.
+    """
+    if reason := imu_missing(recording):
+        return reason
+    if headings_missing(recording):
+        return "the start heading was not recorded"
+    if recording.start_position_m is None or np.isnan(recording.start_position_m).any():
+        return "the start place was not recorded"
+    return ""
 
 
 def reckon(recording: Recording, inertial: FootInertial, navigation: FootNavigation) -> Track:
@@ -357,7 +381,12 @@ def reckon(recording: Recording, inertial: FootInertial, navigation: FootNavigat
         time_s=recording.time_s,
         position_m=position_m,
         covariance_m2=covariance_m2,
-        extra={"heading_rad": heading_rad, "steps": number, **to_extra(made)},
+        extra={
+            "heading_rad": heading_rad,
+            "steps": number,
+            "alignment_end_s": navigation.alignment_end_s,
+            **to_extra(made),
+        },
     )
 
 

@@ -54,6 +54,9 @@ class FootParticleFilter:
         Added to the noted heading, to see what a wrong one does.
     """
 
+    takes_steps = True
+    """A row of it may build on the steps of another row, with the key ``steps``."""
+
     def __init__(
         self,
         *,

@@ -1,6 +1,6 @@
 """Reads what the workflow made of a study, for comparisons, claims, figures and pages."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -71,6 +71,8 @@ class StudyResults:
         What the paper reports: settings, claims, readings.
     estimate_files
         Estimates of the rows of the table for the first batch of worlds.
+    settings
+        Parameters of the rows of the table, those left out with their defaults.
     """
 
     study: str
@@ -82,6 +84,7 @@ class StudyResults:
     truth: Tree
     paper: dict[str, Any] = field(default_factory=dict)
     estimate_files: tuple[str, ...] = ()
+    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def errors(self, row: str, family: str | None = None) -> pd.DataFrame:
         """Return raw errors of a row: ``family, value, world, sample, error_m`` and components."""

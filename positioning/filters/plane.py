@@ -104,8 +104,8 @@ def check_stack(
     ------
     InputError
         For arrays that do not fit each other, an empty recording, times that are infinite, missing in
-        between or not increasing, missing motion, infinite readings, or a site without area or, if they
-        are needed, without the places of its beacons.
+        between or not increasing, missing motion, infinite readings, a start that is infinite or in degrees,
+        or a site without area or, if they are needed, without the places of its beacons.
     """
     time_s = np.asarray(recording.time_s, dtype=np.float64)
     if time_s.ndim != 2 or time_s.size == 0:
@@ -143,8 +143,29 @@ def check_stack(
             heard = None if site.access_point_m is None else np.shape(site.access_point_m)[1]
             _shaped(f"recording.{name}", readings, (*time_s.shape, heard))
             _refuse(f"recording.{name}", np.isinf(readings), "a reading is infinite", "Use NaN for none")
+    _check_start(recording, len(time_s))
     _check_site(site, len(time_s), beacons)
     return np.asarray(length, dtype=np.intp)
+
+
+def check_angle(name: str, value: Any) -> None:
+    """Refuse an angle that is infinite, or more than a whole turn either way; NaN passes: it is unknown.
+
+    Raises
+    ------
+    InputError
+        Naming the angle.
+    """
+    angle = np.asarray(value)
+    if angle.dtype.kind not in "iuf":
+        raise InputError(name, f"{value!r} is not a number", "Give radians")
+    if np.isinf(angle).any():
+        raise InputError(name, "it is infinite", "Give radians")
+    if (np.abs(angle) > 2 * np.pi).any():
+        most = float(np.nanmax(np.abs(angle)))
+        raise InputError(
+            name, f"{most:g} is more than a whole turn: it looks like degrees", "Multiply by pi / 180"
+        )
 
 
 def centre_and_variance(site: Site) -> tuple[Array, Array]:
@@ -399,6 +420,21 @@ def _move(
         MotionNoise(*(values[rows] for values in noise)),
         particle_filter.standard_normal(rngs, (4, particles)),
     )
+
+
+def _check_start(recording: Recording, recordings: int) -> None:
+    """Refuse a noted start that does not fit; NaN stands for one that was not noted."""
+    if recording.start_heading_rad is not None:
+        _shaped("recording.start_heading_rad", recording.start_heading_rad, (recordings,))
+        check_angle("recording.start_heading_rad", recording.start_heading_rad)
+    if recording.start_position_m is not None:
+        _shaped("recording.start_position_m", recording.start_position_m, (recordings, 2))
+        _refuse(
+            "recording.start_position_m",
+            np.isinf(recording.start_position_m),
+            "the place is infinite",
+            "Give metres",
+        )
 
 
 def _check_site(site: Site, recordings: int, beacons: bool) -> None:

@@ -12,6 +12,7 @@ x`` at the time t before.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from numbers import Integral
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from positioning.inertial.error_state import increments
 from positioning.inertial.geodetic import (
     ATTITUDE,
     FORCE_BIAS,
+    MOST_LATITUDE_RAD,
     POSITION,
     RATE_BIAS,
     VELOCITY,
@@ -35,7 +37,13 @@ from positioning.inertial.geodetic import (
     to_local,
     together,
 )
-from positioning.inertial.gps import UNITS, lagrange_weights, metric_observation_matrix, usable_gps
+from positioning.inertial.gps import (
+    UNITS,
+    is_number,
+    lagrange_weights,
+    metric_observation_matrix,
+    usable_gps,
+)
 from positioning.inertial.landmarks import (
     first_sight,
     from_sensor_m,
@@ -52,6 +60,12 @@ INTERPOLATIONS = ("linear", "lagrange")
 SENSORS = ("gps", "fix", "sighting")
 MOST_GAP_S = 0.1
 """A longer gap between readings of the inertial measurement unit is refused; assumed."""
+LEAST_COVARIANCE_HZ = 1.0
+"""Fewer steps of the covariance are refused: in one the attitude would turn too far; assumed."""
+MOST_AWAY_M = 100_000.0
+"""Starts and GPS readings farther from the origin are refused; the local frame holds to here."""
+FORCE_M_PER_S2 = (5.0, 20.0)
+"""Where the median specific force of a flight lies, about gravity; other units lie elsewhere; assumed."""
 
 # Steps of the covariance between two looks at the rounding.
 _TIDY = 64
@@ -146,29 +160,59 @@ class FlightFilter:
         Raises
         ------
         InputError
-            For an unknown name, or a number that is not above zero where only such make sense.
+            For an unknown name, a value of another type or length, or a number that is not above zero where
+            only such make sense.
         """
+        for name in ("gps", "fixes", "slam", "closed_loop"):
+            if not isinstance(getattr(self, name), bool):
+                raise _setting(self, name, "it is neither true nor false", "Take one of them")
+        for name in ("states", "interpolation_order"):
+            if not isinstance(getattr(self, name), Integral) or isinstance(getattr(self, name), bool):
+                raise _setting(self, name, "it is not a whole number", "Give one, without quotes")
         if self.states not in (9, 15):
-            raise InputError(f"states={self.states}", "the filter has 9 or 15", "Take one of them")
+            raise _setting(self, "states", "the filter has 9 or 15", "Take one of them")
         for name, known in (("model", MODELS), ("interpolation", INTERPOLATIONS), ("units", UNITS)):
-            if getattr(self, name) not in known:
-                raise InputError(
-                    f"{name}={getattr(self, name)!r}", "it is not known", f"Take one of {list(known)}"
-                )
+            if not isinstance(getattr(self, name), str) or getattr(self, name) not in known:
+                raise _setting(self, name, "it is not known", f"Take one of {list(known)}")
         if not 0 <= self.interpolation_order <= 10:
-            raise InputError(
-                f"interpolation_order={self.interpolation_order}", "it is not from 0 to 10", "Correct it"
+            raise _setting(self, "interpolation_order", "it is not from 0 to 10", "Correct it")
+        if self.outage_s is not None and not is_number(self.outage_s):
+            raise _setting(
+                self, "outage_s", "it is not a number", "Give seconds, or null for the recorded one"
             )
+        for name in (*_ABOVE_ZERO, *_NOT_NEGATIVE):
+            value = getattr(self, name)
+            if name not in _TRIPLES and not is_number(value):
+                raise _setting(self, name, "it is not a number", "Give one, without quotes")
+            if name in _TRIPLES and not (
+                isinstance(value, list | tuple | np.ndarray)
+                and np.shape(value) == (3,)
+                and all(is_number(part) for part in value)
+            ):
+                raise _setting(self, name, "it is not three numbers", "Give those north, east and down")
         for name in _ABOVE_ZERO:
             values = np.asarray(getattr(self, name), dtype=np.float64)
             if not ((values > 0) & np.isfinite(values)).all():
-                raise InputError(f"{name}={getattr(self, name)}", "it is not above zero", "Correct it")
+                raise _setting(self, name, "it is not above zero", "Correct it")
         for name in _NOT_NEGATIVE:
             values = np.asarray(getattr(self, name), dtype=np.float64)
             if not ((values >= 0) & np.isfinite(values)).all():
-                raise InputError(f"{name}={getattr(self, name)}", "it is below zero", "Correct it")
+                raise _setting(self, name, "it is below zero", "Correct it")
+        if self.covariance_hz < LEAST_COVARIANCE_HZ:
+            raise _setting(
+                self,
+                "covariance_hz",
+                f"it is below {LEAST_COVARIANCE_HZ} Hz, too long a step for the dynamics of the error",
+                "Raise it",
+            )
 
 
+def _setting(settings: FlightFilter, name: str, limit: str, cure: str) -> InputError:
+    return InputError(f"{name}={getattr(settings, name)!r}", limit, cure)
+
+
+_TRIPLES: tuple[str, ...] = ("gps_sigma_m", "gps_velocity_sigma_m_per_s")
+_TRIPLES += ("start_sigma_m", "start_velocity_sigma_m_per_s", "start_attitude_sigma_rad")
 _ABOVE_ZERO: tuple[str, ...] = (
     "covariance_hz",
     "bias_time_s",
@@ -285,8 +329,11 @@ def check_flight(recording: Recording, site: Site, settings: FlightFilter) -> No
         For settings without sense; arrays that are missing or do not fit; inertial times that do not increase
         or leave a gap; flights of one stack with so different rates of inertial readings that their
         covariances would not step alike, or with fewer readings than an interpolation needs; readings that
-        are not finite; GPS, fixes or sightings before the first inertial reading, an outage longer than the
-        flight; a start at a pole; fixes or sightings that are infinite.
+        are not finite; GPS, fixes or sightings before the first inertial reading, or none of them within the
+        flight; an outage longer than the flight; an origin, a start or GPS at a pole, or more than 100 km
+        from the origin; fixes or sightings that are infinite; what other units would make of a start, a
+        specific force or a sighting: a median force outside 5 to 20 m/s^2, an angle of the start or a bearing
+        above two pi, an elevation above half of pi, a range below zero.
     """
     settings.check()
     needed = ["imu_time_s", "specific_force_m_per_s2", "angular_rate_rad_per_s", "start_geodetic"]
@@ -344,11 +391,19 @@ def check_flight(recording: Recording, site: Site, settings: FlightFilter) -> No
     for name in ("start_geodetic", "start_velocity_m_per_s", "start_attitude_rad"):
         bad = ~np.isfinite(getattr(recording, name))
         _refuse(name, bad, "it is not a finite number", "Give the whole start")
+    _check_units(recording)
+    origin = np.asarray(site.origin_geodetic, dtype=np.float64)
+    _check_places("site.origin_geodetic", origin, np.ones(worlds, dtype=np.bool_))
+    starts = np.asarray(recording.start_geodetic, dtype=np.float64)
+    _check_places("recording.start_geodetic", starts, np.ones(worlds, dtype=np.bool_), origin)
     begin = time_s[:, 0]
     end = time_s[np.arange(worlds), length - 1]
     start = begin - (time_s[:, 1] - begin)
+    flight = np.stack([start, end], axis=1)
     if settings.gps:
-        usable_gps(recording, settings.outage_s)
+        usable = usable_gps(recording, settings.outage_s)
+        places = np.asarray(recording.gps_geodetic, dtype=np.float64)
+        _check_places("recording.gps_geodetic", places, usable, origin[:, None])
         gps_s = np.asarray(recording.gps_time_s, dtype=np.float64)
         with np.errstate(invalid="ignore"):
             _refuse(
@@ -358,6 +413,7 @@ def check_flight(recording: Recording, site: Site, settings: FlightFilter) -> No
                 "Leave such readings out, or check that both clocks are the same",
             )
             _refuse("gps_time_s", np.diff(gps_s, axis=1) <= 0, "time does not increase after it", "Sort it")
+        _check_span("gps_time_s", gps_s, usable_gps(_without_outage(recording)), flight)
         if recording.gps_outage_s is not None:
             outage = np.asarray(recording.gps_outage_s, dtype=np.float64)
             lasts = outage[:, 1] - outage[:, 0]
@@ -377,13 +433,26 @@ def check_flight(recording: Recording, site: Site, settings: FlightFilter) -> No
         _refuse("fix_m", np.isinf(fix), "the fix is infinite", "Use NaN for none")
         with np.errstate(invalid="ignore"):
             before = np.asarray(recording.time_s, dtype=np.float64) < start[:, None] - 1e-9
-        _refuse("fix_m", before & np.isfinite(fix[:, :, 0]).all(axis=-1), early, cure)
+        given = np.isfinite(fix[:, :, 0]).all(axis=-1)
+        _refuse("fix_m", before & given, early, cure)
+        _check_span("time_s of fix_m", np.asarray(recording.time_s, dtype=np.float64), given, flight)
     if settings.slam:
         bad = np.isinf(np.asarray(recording.sighting))
         _refuse("sighting", bad, "the sighting is infinite", "Use NaN for none")
         with np.errstate(invalid="ignore"):
             before = np.asarray(recording.sighting_time_s, dtype=np.float64) < start[:, None] - 1e-9
-        _refuse("sighting_time_s", before & (np.asarray(recording.sighting_landmark) >= 0), early, cure)
+        given = np.asarray(recording.sighting_landmark) >= 0
+        _refuse("sighting_time_s", before & given, early, cure)
+        given &= np.isfinite(np.asarray(recording.sighting)).all(axis=-1)
+        _check_span("sighting_time_s", np.asarray(recording.sighting_time_s, np.float64), given, flight)
+        range_m, bearing, elevation = np.moveaxis(np.asarray(recording.sighting, dtype=np.float64), -1, 0)
+        for bad, what in (
+            (range_m < 0, "its range is below zero"),
+            # The filter wraps bearings, so that both usual circles of them are right.
+            (np.abs(bearing) > 2 * np.pi, "its bearing is above 2 pi"),
+            (np.abs(elevation) > np.pi / 2, "its elevation is above pi / 2"),
+        ):
+            _refuse("sighting", bad & given, what, "Check units and order: metres, radians, radians")
 
 
 def navigate_flight(recording: Recording, site: Site, settings: FlightFilter) -> FlightNavigation:
@@ -580,6 +649,8 @@ class _Run:
         elif late.any():
             world, index, times = world[~late], index[~late], times[~late]
             bracket, ends = bracket[~late], ends[~late]
+            if not len(world):
+                return
         before = (kind == "epoch") & (bracket == 0)
         bracket = np.clip(bracket, 1, ends)
         # At the ends of the recording the window moves inwards.
@@ -1052,3 +1123,57 @@ def _refuse(name: str, bad: NDArray[np.bool_], limit: str, cure: str) -> None:
     if bad.any():
         where = tuple(int(number) for number in np.argwhere(bad)[0])
         raise InputError(f"recording.{name}{list(where)}", limit, cure)
+
+
+def _check_units(recording: Recording) -> None:
+    """Refuse angles of the start, and specific forces, that other units would make."""
+    turned = np.abs(np.asarray(recording.start_attitude_rad, dtype=np.float64)) > 2 * np.pi
+    _refuse("start_attitude_rad", turned, "it is above 2 pi", "Check units: radians")
+    force = np.asarray(recording.specific_force_m_per_s2, dtype=np.float64)
+    middle = np.nanmedian(np.linalg.norm(force, axis=-1), axis=1)
+    low, high = FORCE_M_PER_S2
+    for world in np.flatnonzero(~((middle >= low) & (middle <= high)))[:1]:
+        raise InputError(
+            f"recording.specific_force_m_per_s2[{world}]",
+            f"its median is {middle[world]:.3g} m/s^2, not {low:g} to {high:g}",
+            "Check units: m/s^2, with gravity in them",
+        )
+
+
+def _check_places(
+    name: str, geodetic: Array, counts: NDArray[np.bool_], origin_geodetic: Array | None = None
+) -> None:
+    """Refuse places that are not finite, at a pole, or far from the origin, where they count."""
+    cure = "Check radians and the order latitude, longitude, height"
+
+    def refuse(bad: NDArray[np.bool_], limit: str) -> None:
+        for where in np.argwhere(bad & counts)[:1]:
+            number, value = tuple(int(part) for part in where), geodetic[tuple(where)]
+            told = ", ".join(f"{part:g}" for part in value)
+            raise InputError(f"{name}{list(number)} = [{told}]", limit, cure)
+
+    refuse(np.asarray(~np.isfinite(geodetic).all(axis=-1)), "it is not a finite number")
+    with np.errstate(invalid="ignore"):
+        degrees = np.degrees(MOST_LATITUDE_RAD)
+        polar = ~(np.abs(geodetic[..., 0]) <= MOST_LATITUDE_RAD)
+        refuse(np.asarray(polar), f"its latitude is not within {degrees:.1f} degrees of the equator")
+        if origin_geodetic is not None:
+            away_m = np.linalg.norm(to_local(geodetic, origin_geodetic), axis=-1)
+            refuse(away_m > MOST_AWAY_M, f"it is more than {MOST_AWAY_M / 1000:g} km from the origin")
+
+
+def _check_span(name: str, time_s: Array, given: NDArray[np.bool_], flight_s: Array) -> None:
+    """Refuse flights that have readings of a sensor, but none between their begin and end."""
+    for world, (begin, end) in enumerate(flight_s):
+        own = time_s[world][given[world] & np.isfinite(time_s[world])]
+        if len(own) and not ((own >= begin - 1e-9) & (own <= end + 1e-9)).any():
+            raise InputError(
+                f"recording.{name}[{world}]",
+                f"its readings are from {own.min():g} to {own.max():g} s, the flight from {begin:g} to"
+                f" {end:g} s, so that none is within it",
+                "Check that times are in seconds and of the same clock",
+            )
+
+
+def _without_outage(recording: Recording) -> Recording:
+    return replace(recording, gps_outage_s=None)

@@ -168,9 +168,11 @@ class FootFilter:
                 "on earth it is between 9.7 and 9.9",
                 "Correct it, or leave it out",
             )
-        if not np.isfinite(self.heading_offset_rad):
+        if not abs(self.heading_offset_rad) <= 2 * np.pi:
             raise InputError(
-                f"heading_offset_rad={self.heading_offset_rad}", "it is not a finite number", "Correct it"
+                f"heading_offset_rad={self.heading_offset_rad}",
+                "it is not a finite number, or more than a whole turn: it looks like degrees",
+                "Give radians",
             )
 
 
@@ -260,6 +262,8 @@ class FootNavigation:
         [r, n].
     start
         What the navigation starts from, each [r, ...].
+    alignment_end_s
+        When the alignment ended, [r]: the last reading of its rest, until which nothing moves.
     """
 
     time_s: Array
@@ -269,6 +273,7 @@ class FootNavigation:
     position_covariance_m2: Array
     heading_variance_rad2: Array
     start: FootState
+    alignment_end_s: Array
 
     def at(self, time_s: ArrayLike) -> FootState:
         """Return the state at given times: that of the last reading here until then, or of the start.
@@ -486,12 +491,13 @@ def foot_navigation(
     Raises
     ------
     InputError
-        For settings or readings that cannot be used, no rest that is long enough, readings in units of
-        gravity, or fixes that do not fit.
+        For settings or readings that cannot be used, epochs at other times than the readings, no rest that is
+        long enough, readings in units of gravity, or fixes that do not fit.
     """
     settings.check()
     length = check_imu(recording)
     time_s = np.asarray(recording.imu_time_s, dtype=np.float64)
+    _check_clocks(recording, length)
     _check_force_units(recording, length)
     flags = rests(recording, settings) if rest is None else np.asarray(rest, dtype=np.bool_)
     if flags.shape != time_s.shape:
@@ -630,7 +636,55 @@ def _north(recording: Recording, site: Site, settings: FootFilter) -> Array | No
             f"its shape is {north.shape}, not {(len(recording.imu_time_s),)}",
             "Give one a recording",
         )
-    return np.where(np.isfinite(north), north, np.nan) + settings.heading_offset_rad
+    # NaN stands for a direction that is not known.
+    if np.isinf(north).any() or (np.abs(north) > 2 * np.pi).any():
+        raise InputError(
+            "site.magnetic_north_rad",
+            f"{np.nanmax(np.abs(north)):g} is more than a whole turn: it looks like degrees",
+            "Give radians",
+        )
+    return north + settings.heading_offset_rad
+
+
+def late_alignment(recording: Recording, settings: FootFilter) -> str:
+    """Say which recording of a stack stands still for most of it; empty where none does.
+
+    Until the end of the alignment nothing moves. Where this comes after half of a recording, what is left
+    of a walk is no track of it, although the covariance of the filter knows nothing of that.
+
+    Parameters
+    ----------
+    recording
+        Stack that `check_imu` does not refuse.
+    settings
+        Name the detector, and the duration of the alignment.
+
+    Raises
+    ------
+    InputError
+        For what the detector refuses.
+    """
+    time_s = np.asarray(recording.imu_time_s, dtype=np.float64)
+    rate_hz = sample_rate_hz(recording)
+    for row, span in enumerate(spans(rests(recording, settings))):
+        long = _long_enough(span, rate_hz[row], settings)
+        if not long.any():
+            continue
+        begin, end = span[np.argmax(long)]
+        own_s = time_s[row, ~np.isnan(time_s[row])] - time_s[row, 0]
+        if own_s[end - 1] > 0.5 * own_s[-1]:
+            return (
+                f"recording[{row}]: the first rest of {settings.alignment_s:g} s begins at"
+                f" {own_s[begin]:.1f} s of {own_s[-1]:.1f} s and ends at {own_s[end - 1]:.1f} s, until when"
+                " nothing moves; cut the recording, lower alignment_s, or take another detector"
+            )
+    return ""
+
+
+def _long_enough(span: NDArray[np.intp], rate_hz: float, settings: FootFilter) -> NDArray[np.bool_]:
+    """Return which rests may be that of the alignment."""
+    # Whole samples: half of one of tolerance for times that are not quite even.
+    return np.asarray((span[:, 1] - span[:, 0] + 0.5) / rate_hz >= settings.alignment_s)
 
 
 def _align(recording: Recording, flags: Flags, settings: FootFilter, north_rad: Array | None) -> _Alignment:
@@ -644,8 +698,7 @@ def _align(recording: Recording, flags: Flags, settings: FootFilter, north_rad: 
     assert recording.specific_force_m_per_s2 is not None
     assert recording.angular_rate_rad_per_s is not None
     for row, span in enumerate(spans(flags)):
-        # Whole samples: half of one of tolerance for times that are not quite even.
-        long = (span[:, 1] - span[:, 0] + 0.5) / rate_hz[row] >= settings.alignment_s
+        long = _long_enough(span, rate_hz[row], settings)
         if not long.any():
             most = np.max(span[:, 1] - span[:, 0], initial=0) / rate_hz[row]
             raise InputError(
@@ -920,6 +973,7 @@ def _run(
         position_covariance_m2=covariance,
         heading_variance_rad2=variance,
         start=first,
+        alignment_end_s=time_s[everyone, aligned_.end - 1],
     )
 
 
@@ -994,6 +1048,24 @@ def _fix(engine: ErrorStateFilter, rows: NDArray[np.intp], fix_m: Array, root: A
     place, precision, used = np.zeros((2, worlds)), np.zeros((2, 2, worlds)), np.zeros(worlds)
     place[:, rows], precision[:, :, rows], used[rows] = fix_m.T, np.moveaxis(root, 0, -1), 1.0
     engine.position_fix(place, precision, used)
+
+
+def _check_clocks(recording: Recording, length: NDArray[np.intp]) -> None:
+    """Refuse epochs that all lie before or behind the readings, by more than one of them may last."""
+    assert recording.imu_time_s is not None
+    for row, count in enumerate(length):
+        own_s = recording.imu_time_s[row, :count]
+        epoch_s = np.asarray(recording.time_s[row], dtype=np.float64)
+        epoch_s = epoch_s[np.isfinite(epoch_s)]
+        if not len(epoch_s):
+            continue
+        if epoch_s.min() > own_s[-1] + MOST_GAP_S or epoch_s.max() < own_s[0] - MOST_GAP_S:
+            raise InputError(
+                f"recording.time_s[{row}]",
+                f"the epochs are from {epoch_s.min():.1f} to {epoch_s.max():.1f} s, the inertial readings"
+                f" from {own_s[0]:.1f} to {own_s[-1]:.1f} s",
+                "Give both on one clock",
+            )
 
 
 def _check_force_units(recording: Recording, length: NDArray[np.intp]) -> None:

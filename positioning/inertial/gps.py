@@ -3,6 +3,8 @@
 See Mirzababaei & Akbari, section 3, eqs. 27 to 36.1. Frames and errors are those of `geodetic`.
 """
 
+from numbers import Real
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -14,6 +16,11 @@ from positioning.model import Array, Recording
 UNITS = ("metres", "radians")
 
 Flags = NDArray[np.bool_]
+
+
+def is_number(value: object) -> bool:
+    """Return whether a setting is one real number: no truth value, and no text that looks like one."""
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def usable_gps(recording: Recording, outage_s: float | None = None) -> Flags:
@@ -37,14 +44,14 @@ def usable_gps(recording: Recording, outage_s: float | None = None) -> Flags:
     Raises
     ------
     InputError
-        Without GPS, for a length below zero, or one without a recorded begin.
+        Without GPS, for a length that is no number or below zero, or one without a recorded begin.
     """
     if recording.gps_time_s is None or recording.gps_geodetic is None:
         raise InputError(
             "recording", "there is no GPS", "Give gps_time_s and gps_geodetic, or switch gps off"
         )
-    if outage_s is not None and not 0 <= outage_s < np.inf:
-        raise InputError(f"outage_s={outage_s}", "it is below zero or infinite", "Give seconds")
+    if outage_s is not None and not (is_number(outage_s) and 0 <= outage_s < np.inf):
+        raise InputError(f"outage_s={outage_s!r}", "it is no number, below zero or infinite", "Give seconds")
     time_s = np.asarray(recording.gps_time_s, dtype=np.float64)
     there = np.isfinite(time_s) & np.isfinite(recording.gps_geodetic).all(axis=-1)
     if recording.gps_velocity_m_per_s is not None:

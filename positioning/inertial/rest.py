@@ -218,7 +218,8 @@ def detect(
     Raises
     ------
     InputError
-        For a name or a setting that does not exist, or whatever the detector refuses.
+        For a name or a setting that does not exist, whatever the detector refuses, or an answer that is not
+        one truth value a reading.
     """
     if detector not in DETECTORS:
         raise InputError(
@@ -230,7 +231,15 @@ def detect(
         raise InputError(
             f"detector_settings {unknown}", f"{detector} does not have them", f"It has {sorted(known)}"
         )
-    return function(specific_force_m_per_s2, angular_rate_rad_per_s, sample_rate_hz, **settings)
+    flags = function(specific_force_m_per_s2, angular_rate_rad_per_s, sample_rate_hz, **settings)
+    expected = np.shape(specific_force_m_per_s2)[:-1]
+    if np.shape(flags) != expected or np.asarray(flags).dtype != np.bool_:
+        raise InputError(
+            f"the answer of detector {detector!r}",
+            f"it is {np.asarray(flags).dtype} of shape {np.shape(flags)}, not bool of shape {expected}",
+            "Answer True or False for every reading",
+        )
+    return flags
 
 
 def spans(rest: Flags) -> list[NDArray[np.intp]]:

@@ -23,6 +23,8 @@ GRAVITY_M_PER_S2 = 9.80665
 
 # Below this angle series take the place of closed forms that cancel; both are exact to 1e-13 there.
 _SMALL_RAD = 0.1
+# Matrices that were written with six digits, or multiplied a million times, are rotations still.
+_MOST_OFF_ROTATION = 1e-5
 
 
 class Navigation(NamedTuple):
@@ -244,7 +246,8 @@ def navigate(
     Raises
     ------
     InputError
-        For shapes that do not fit.
+        For shapes that do not fit, durations that are not above zero, an attitude that is no rotation, or a
+        gravity that is not above zero.
     """
     force = _vectors("specific_force_m_per_s2", specific_force_m_per_s2)
     rate = _vectors("angular_rate_rad_per_s", angular_rate_rad_per_s)
@@ -260,7 +263,7 @@ def navigate(
     advance = (mean_rotation(turn) @ (force * duration[..., None])[..., None])[..., 0]
     increment = rotation(turn)
     attitudes = np.empty((*leading, count + 1, 3, 3))
-    attitudes[..., 0, :, :] = np.eye(3) if attitude is None else np.asarray(attitude, dtype=np.float64)
+    attitudes[..., 0, :, :] = np.eye(3) if attitude is None else _attitude(attitude, leading)
     for sample in range(count):
         np.matmul(
             attitudes[..., sample, :, :], increment[..., sample, :, :], out=attitudes[..., sample + 1, :, :]
@@ -305,7 +308,7 @@ def readings(
     Raises
     ------
     InputError
-        For shapes that do not fit.
+        For shapes that do not fit, durations that are not above zero, or a gravity that is not above zero.
     """
     velocity = _vectors("velocity_m_per_s", velocity_m_per_s)
     matrix = np.asarray(attitude, dtype=np.float64)
@@ -378,6 +381,8 @@ def _vectors(name: str, values: ArrayLike) -> Array:
 
 def _durations(duration_s: ArrayLike, shape: tuple[int, ...]) -> Array:
     duration = np.asarray(duration_s, dtype=np.float64)
+    if not (np.isfinite(duration) & (duration > 0)).all():
+        raise InputError("duration_s", "it is not everywhere finite and above zero", "Give seconds")
     try:
         return np.broadcast_to(duration, shape)
     except ValueError as error:
@@ -390,4 +395,31 @@ def _durations(duration_s: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 def _gravity(gravity_m_per_s2: ArrayLike) -> Array:
     gravity = np.asarray(gravity_m_per_s2, dtype=np.float64)
+    if gravity.ndim:
+        gravity = _vectors("gravity_m_per_s2", gravity)
+    if not np.isfinite(gravity).all() or (gravity.ndim == 0 and gravity <= 0):
+        raise InputError(
+            f"gravity_m_per_s2={gravity}",
+            "it is not finite and above zero",
+            "Give its magnitude, or a vector that points down",
+        )
     return np.array([0.0, 0.0, -float(gravity)]) if gravity.ndim == 0 else gravity
+
+
+def _attitude(attitude: ArrayLike, leading: tuple[int, ...]) -> Array:
+    matrix = np.asarray(attitude, dtype=np.float64)
+    try:
+        if matrix.ndim < 2:
+            raise ValueError
+        fitted = np.broadcast_to(matrix, (*leading, 3, 3))
+    except ValueError as error:
+        raise InputError(
+            "attitude", f"its shape {matrix.shape} does not fit {(*leading, 3, 3)}", "Give one matrix each"
+        ) from error
+    off = np.abs(matrix @ np.swapaxes(matrix, -1, -2) - np.eye(3))
+    # Not a number is no rotation either.
+    if not (off <= _MOST_OFF_ROTATION).all() or not (np.linalg.det(matrix) > 0).all():
+        raise InputError(
+            "attitude", "it is no rotation: its columns are not orthonormal", "Use attitude_of or rotation"
+        )
+    return fitted

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from positioning.errors import InputError
 from positioning.model import Array
-from positioning.posegraph.graph import PoseGraph
+from positioning.posegraph.graph import PoseGraph, checked, wrong_information
 
 # Places of the six numbers of an edge within the information matrix.
 _G2O: Final = ((0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2))
@@ -33,7 +33,7 @@ def read(path: str | Path) -> PoseGraph:
     Lines ``VERTEX_SE2 id x y heading`` or ``VERTEX2``, ``EDGE_SE2 from to forward left turn`` or ``EDGE2``
     with six numbers of information (``EDGE2`` in TORO's order), ``FIX id ...`` and ``EDGE_NEAR from to
     weight``, a proximity edge, which other programs do not know. Empty lines and those that begin with ``#``
-    are skipped.
+    or ``PARAMS_``, which tell of sensors, are skipped.
 
     Parameters
     ----------
@@ -50,7 +50,8 @@ def read(path: str | Path) -> PoseGraph:
     ------
     InputError
         With file and line number: for a line of another kind or length, what is not a finite number, a pose
-        that stands twice, or an edge to one that stands nowhere. For a file without a pose.
+        or a pair that stands twice, an edge to a pose that stands nowhere, information that is not positive
+        semi-definite, or a negative weight. For a file without a pose.
     """
     file = Path(path)
     number_of: dict[int, int] = {}
@@ -58,7 +59,7 @@ def read(path: str | Path) -> PoseGraph:
     edges: dict[str, list[tuple[int, list[str]]]] = {tag: [] for tag in (*_EDGE, _NEAR, _FIX)}
     for number, line in enumerate(_text(file).splitlines(), start=1):
         words = line.split()
-        if not words or words[0].startswith("#"):
+        if not words or words[0].startswith(("#", "PARAMS_")):
             continue
         tag, values = words[0], words[1:]
         if tag in _VERTEX:
@@ -76,7 +77,7 @@ def read(path: str | Path) -> PoseGraph:
     if not poses:
         raise InputError(str(file), "it holds no pose", "Give a file with VERTEX_SE2 or VERTEX2 lines")
 
-    start, end, motion, information = [], [], [], []
+    start, end, motion, information, line_of = [], [], [], [], []
     for tag, places in _EDGE.items():
         for number, values in edges[tag]:
             _expect(file, number, tag, values, 11)
@@ -88,13 +89,19 @@ def read(path: str | Path) -> PoseGraph:
             matrix = np.zeros((3, 3))
             matrix[places] = numbers[3:]
             information.append(matrix)
+            line_of.append(number)
     near_from, near_to, near_weight = [], [], []
+    pairs: dict[frozenset[int], int] = {}
     for number, values in edges[_NEAR]:
         _expect(file, number, _NEAR, values, 3)
         one, two = _ends(file, number, values, number_of)
         near_from.append(one)
         near_to.append(two)
         near_weight.append(_numbers(file, number, values[2:])[0])
+        if near_weight[-1] < 0:
+            _fail(file, number, f"the weight {values[2]} is negative", "Give a weight from zero")
+        if (first := pairs.setdefault(frozenset((one, two)), number)) != number:
+            _fail(file, number, f"the pair stands in line {first} already", "Keep one of the two")
     fixed = np.zeros(len(poses), dtype=bool)
     for number, values in edges[_FIX]:
         fixed[[_pose(file, number, vertex, number_of) for vertex in _integers(file, number, values)]] = True
@@ -104,6 +111,9 @@ def read(path: str | Path) -> PoseGraph:
     motions = np.array(motion, dtype=np.float64).reshape(-1, 3)
     upper = np.array(information, dtype=np.float64).reshape(-1, 3, 3)
     full = upper + np.triu(upper, 1).swapaxes(-1, -2)
+    if len(full) and (negative := wrong_information(full)[1]).any():
+        limit = "the information is not positive semi-definite"
+        _fail(file, line_of[int(np.argmax(negative))], limit, "Give the inverse of a covariance")
     starts, ends = np.array(start, dtype=np.intp), np.array(end, dtype=np.intp)
     return PoseGraph(
         pose=np.array(poses, dtype=np.float64),
@@ -137,7 +147,7 @@ def write(path: str | Path, graph: PoseGraph) -> None:
     InputError
         For a graph that cannot be used.
     """
-    graph.check()
+    checked(graph)
     lines = [f"{_VERTEX[0]} {i} {_digits(pose)}" for i, pose in enumerate(graph.pose.tolist())]
     information = _turned(np.asarray(graph.motion_information, dtype=np.float64), -graph.motion[:, 2])
     numbers = np.concatenate([graph.motion, information[:, _G2O[0], _G2O[1]]], axis=-1)
@@ -171,7 +181,8 @@ def _digits(values: Sequence[float] | NDArray[np.float64]) -> str:
 
 def _text(file: Path) -> str:
     try:
-        return file.read_text(encoding="utf-8")
+        # Some editors begin a file with a mark of its encoding.
+        return file.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(str(file), f"it cannot be read ({error})", "Give a .g2o file") from error
 

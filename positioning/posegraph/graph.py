@@ -4,7 +4,7 @@ See Gu et al., section III and Fig. 2.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -18,6 +18,10 @@ from positioning.model import Array
 Indices = NDArray[np.integer[Any]]
 
 _ROUNDING = 1e-6
+_EMPTY = {
+    **dict.fromkeys(("motion_from", "motion_to", "near_from", "near_to"), np.intp),
+    **dict.fromkeys(("fixed", "loop"), np.bool_),
+}
 
 
 def _none() -> Indices:
@@ -60,6 +64,28 @@ class PoseGraph:
     near_weight: Array | None = None
     loop: NDArray[np.bool_] | None = None
 
+    def __post_init__(self) -> None:
+        """Make arrays of lists.
+
+        Raises
+        ------
+        InputError
+            For rows of different lengths.
+        """
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if value is None or isinstance(value, np.ndarray):
+                continue
+            try:
+                array = np.asarray(value)
+            except ValueError as error:
+                cure = "Give rows of one length"
+                raise InputError(f"graph, {one.name}", "it is no array", cure) from error
+            # An empty list has no type of its own.
+            object.__setattr__(
+                self, one.name, array if array.size else array.astype(_EMPTY.get(one.name, float))
+            )
+
     def check(self, name: str = "graph") -> Self:
         """Return this graph if it can be used.
 
@@ -71,9 +97,9 @@ class PoseGraph:
         Raises
         ------
         InputError
-            For shapes that do not fit each other, values that are not finite numbers, edges to poses that
-            there are not or from a pose to itself, information that is not symmetric and positive
-            semi-definite, or negative weights.
+            For shapes that do not fit each other, values that are not finite numbers, marks that are neither
+            true nor false, edges to poses that there are not or from a pose to itself, information that is
+            not symmetric and positive semi-definite, or negative weights.
         """
         poses = len(self.pose) if np.ndim(self.pose) else 0
         motions, nears = np.size(self.motion_from), np.size(self.near_from)
@@ -95,6 +121,8 @@ class PoseGraph:
                 cure = "Give one row for every pose or edge"
                 raise InputError(f"{name}, {what}", f"its shape is {np.shape(values)}, not {shape}", cure)
             _finite(f"{name}, {what}", np.asarray(values))
+            if what in ("fixed", "loop"):
+                _marks(f"{name}, {what}", np.asarray(values))
         if not poses:
             raise InputError(name, "it has no pose", "Give at least one")
         for kind, start, end in (
@@ -150,7 +178,32 @@ class Solved(NamedTuple):
     extra: Mapping[str, NDArray[np.generic]] = {}
 
 
+def checked(graph: Any) -> PoseGraph:
+    """Return what is a graph that can be used.
+
+    Raises
+    ------
+    InputError
+        As `PoseGraph.check`, and for anything that is no graph, the name of a file for example.
+    """
+    if not isinstance(graph, PoseGraph):
+        cure = "Give a PoseGraph; positioning.posegraph.g2o.read makes one of a file"
+        raise InputError("graph", f"it is a {type(graph).__name__}, not a PoseGraph", cure)
+    return graph.check()
+
+
+def _marks(what: str, values: NDArray[Any]) -> None:
+    bad = (values != 0) & (values != 1)
+    if bad.any():
+        place = int(np.argmax(bad))
+        raise InputError(
+            f"{what}[{place}]", f"{values[place]} is neither true nor false", "Give True or False"
+        )
+
+
 def _finite(what: str, values: NDArray[Any]) -> None:
+    if values.dtype.kind not in "biuf":
+        raise InputError(what, f"its values are no numbers ({values.dtype})", "Give numbers")
     bad = ~np.isfinite(values)
     if bad.any():
         where = [int(i) for i in np.argwhere(bad)[0]]
@@ -163,7 +216,7 @@ def _finite(what: str, values: NDArray[Any]) -> None:
 
 def _edges(what: str, start: Indices, end: Indices, poses: int) -> None:
     for values in (start, end):
-        if values.size and not np.issubdtype(np.asarray(values).dtype, np.integer):
+        if values.size and not np.issubdtype(values.dtype, np.integer):
             raise InputError(what, f"their type is {values.dtype}", "Give numbers of poses as integers")
     ends = np.stack([start, end], axis=-1)
     outside = ((ends < 0) | (ends >= poses)).any(axis=-1)
@@ -184,10 +237,16 @@ def _edges(what: str, start: Indices, end: Indices, poses: int) -> None:
 def _information(what: str, information: Array) -> None:
     if not len(information):
         return
-    size = np.abs(information).max(axis=(-2, -1))
-    skew = np.abs(information - np.swapaxes(information, -1, -2)).max(axis=(-2, -1)) > _ROUNDING * size
-    negative = np.linalg.eigvalsh(information)[:, 0] < -_ROUNDING * size
+    skew, negative = wrong_information(information)
     for bad, text in ((skew, "not symmetric"), (negative, "not positive semi-definite")):
         if bad.any():
             edge = int(np.argmax(bad))
             raise InputError(f"{what}[{edge}]", f"it is {text}", "Give the inverse of a covariance")
+
+
+def wrong_information(information: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which matrices, [e, 3, 3], are not symmetric, and which are not positive semi-definite."""
+    size = np.abs(information).max(axis=(-2, -1))
+    skew = np.abs(information - np.swapaxes(information, -1, -2)).max(axis=(-2, -1)) > _ROUNDING * size
+    negative = np.linalg.eigvalsh(information)[:, 0] < -_ROUNDING * size
+    return np.asarray(skew), np.asarray(negative)

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
-from positioning.errors import InputError
+from positioning.errors import InputError, check_number, check_whole
 from positioning.geometry import rotated
 from positioning.model import Array
-from positioning.posegraph.graph import PoseGraph
+from positioning.posegraph.graph import PoseGraph, checked
 from positioning.posegraph.preconditioner import TwoLevel, number_of_knots
 from positioning.posegraph.residuals import (
     D_MAX_M,
@@ -126,15 +126,16 @@ class NearCost:
         InputError
             For values outside their range.
         """
-        if not (np.isfinite(sigma_m) and sigma_m > 0):
-            raise InputError(f"sigma_m={sigma_m}", "it is not a finite number above zero", "Correct it")
+        check_number("sigma_m", sigma_m, above=0)
+        _check_ends(d_min_m, d_max_m)
+        check_number("scale_m", scale_m, above=0)
         span_m = d_max_m - d_min_m
         return cls(
             weight=(span_m / sigma_m) ** 2,
             d_min_m=d_min_m,
             d_max_m=d_max_m,
             loss=loss,
-            loss_scale=scale_m / span_m if span_m > 0 else scale_m,
+            loss_scale=scale_m / span_m,
         ).check()
 
     def check(self) -> "NearCost":
@@ -145,16 +146,10 @@ class NearCost:
         InputError
             For values outside their range, unknown names, or a loss with the linear cost.
         """
-        for name in ("weight", "e_max", "loss_scale", "rounding"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0) or (value == 0 and name != "weight"):
-                raise InputError(f"{name}={value}", "it is not a finite number above zero", "Correct it")
-        if not 0 <= self.d_min_m < self.d_max_m:
-            raise InputError(
-                f"d_min_m={self.d_min_m} and d_max_m={self.d_max_m}",
-                "they are not 0 <= d_min_m < d_max_m",
-                "Correct them",
-            )
+        check_number("weight", self.weight, least=0)
+        for name in ("e_max", "loss_scale", "rounding"):
+            check_number(name, getattr(self, name), above=0)
+        _check_ends(self.d_min_m, self.d_max_m)
         if self.cost not in COSTS:
             raise InputError(f"cost={self.cost!r}", f"it is none of {', '.join(COSTS)}", "Correct it")
         _check_loss("loss", self.loss)
@@ -250,7 +245,7 @@ def optimise(
         For a graph that cannot be used, parts of it without a fixed pose, proximity edges without a cost, or
         settings outside their range.
     """
-    graph.check()
+    checked(graph)
     _check_settings(near, loop_loss, loop_scale, iterations, tolerance)
     if start not in STARTS:
         raise InputError(f"start={start!r}", f"it is none of {', '.join(STARTS)}", "Correct it")
@@ -311,7 +306,7 @@ def cost(
     InputError
         As `optimise`, but no pose needs to be fixed.
     """
-    graph.check()
+    checked(graph)
     _check_settings(near, loop_loss, loop_scale, 1, 1.0)
     found = _Problem(graph, near, loop_loss, loop_scale, pattern=False).cost(np.asarray(graph.pose))
     return found.motion, found.near
@@ -831,11 +826,17 @@ def _check_settings(
     if near is not None:
         near.check()
     _check_loss("loop_loss", loop_loss)
-    for name, value in (("loop_scale", loop_scale), ("tolerance", tolerance)):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(f"{name}={value}", "it is not a finite number above zero", "Correct it")
-    if iterations != int(iterations) or iterations < 1:
-        raise InputError(f"iterations={iterations}", "it is not a whole number from 1", "Correct it")
+    check_number("loop_scale", loop_scale, above=0)
+    check_number("tolerance", tolerance, above=0)
+    check_whole("iterations", iterations, least=1)
+
+
+def _check_ends(d_min_m: float, d_max_m: float) -> None:
+    check_number("d_min_m", d_min_m, least=0)
+    check_number("d_max_m", d_max_m, above=0)
+    if d_min_m >= d_max_m:
+        limit = "they are not 0 <= d_min_m < d_max_m"
+        raise InputError(f"d_min_m={d_min_m} and d_max_m={d_max_m}", limit, "Correct them")
 
 
 def _check_loss(name: str, loss: str | None) -> None:

@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from positioning.errors import InputError
+from positioning.errors import InputError, check_whole
 from positioning.model import Array
 
 NOT_HEARD_DBM: Final = -110.0
@@ -107,10 +107,10 @@ def window_threshold_db(distance_db: ArrayLike, walk_of_scan: ArrayLike, window:
     InputError
         For a window of less than two scans.
     """
-    if window != int(window) or window < 2:
-        raise InputError(f"window={window}", "it is not a whole number from 2", "Lengthen the window")
+    check_whole("window", window, least=2)
     distance, walk = np.asarray(distance_db, dtype=np.float64), np.asarray(walk_of_scan)
-    half = int(window) // 2
+    # A window that is longer than all walks reaches no further than they do.
+    half = min(int(window) // 2, max(len(walk) - 1, 0))
     lag = np.concatenate([np.arange(-half, 0), np.arange(1, half + 1)])
     here = np.arange(len(walk))
     there = here[:, None] + lag

@@ -48,7 +48,7 @@ def run(
     Raises
     ------
     InputError
-        For an answer of the wrong shape or with NaN in it.
+        For an answer that is no `Aligned`, of the wrong shape or with NaN in it.
     """
     if not any(name.startswith("walks.") for name in observed):
         return Outcome(skipped="there are no walks")
@@ -63,14 +63,12 @@ def run(
         start = perf_counter()
         aligned = algorithm.align(walks, rng)
         seconds.append(perf_counter() - start)
-        _check(aligned, walks)
-        answers.append(aligned)
+        answers.append(_checked(aligned, walks))
     estimates = {
         "position_m": np.stack([np.asarray(aligned.position_m, dtype=float) for aligned in answers]),
         "heading_rad": np.stack([np.asarray(aligned.heading_rad, dtype=float) for aligned in answers]),
     }
-    for name in answers[0].extra:
-        estimates[f"extra_{name}"] = np.stack([np.asarray(aligned.extra[name]) for aligned in answers])
+    estimates |= stacked_extra([aligned.extra for aligned in answers])
     return Outcome(estimates=estimates, seconds=np.array(seconds))
 
 
@@ -142,13 +140,43 @@ def lay_on_first_pose(
     return np.asarray(rotated(relative_m, turn_rad) + path_m[:, :1, :1])
 
 
-def _check(aligned: Aligned, walks: Walks) -> None:
+def stacked_extra(extras: Sequence[Mapping[str, NDArray[np.generic]]]) -> dict[str, NDArray[np.generic]]:
+    """Return what algorithms keep beside their answers, with a world axis, named ``extra_<name>``.
+
+    Raises
+    ------
+    InputError
+        For a world without what the first one has, or with another shape.
+    """
+    stacked = {}
+    for name in extras[0]:
+        values = [np.asarray(extra[name]) for extra in extras if name in extra]
+        if len(values) < len(extras) or len({value.shape for value in values}) > 1:
+            limit = "it is not there with the same shape in every world"
+            raise InputError(f"its answer, extra[{name!r}]", limit, "Correct the algorithm")
+        stacked[f"extra_{name}"] = np.stack(values)
+    return stacked
+
+
+def _checked(aligned: Any, walks: Walks) -> Aligned:
+    if not isinstance(aligned, Aligned):
+        raise InputError(
+            "its answer",
+            f"align gave a {type(aligned).__name__}, an Aligned of positioning.model is needed",
+            "Return Aligned(position_m=..., heading_rad=...), of shapes [walk, pose, 2] and [walk, pose]",
+        )
+    if not isinstance(aligned.extra, Mapping):
+        limit = f"it is a {type(aligned.extra).__name__}"
+        raise InputError("its answer, extra", limit, "Give a dict of arrays by name")
     there = ~np.isnan(walks.time_s)
     for name, values, shape in (
         ("position_m", aligned.position_m, (*there.shape, 2)),
         ("heading_rad", aligned.heading_rad, there.shape),
     ):
-        found = np.asarray(values, dtype=float)
+        try:
+            found = np.asarray(values, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"its answer, {name}", "it is no array", "Correct the algorithm") from error
         if found.shape != shape:
             raise InputError(
                 f"its answer, {name}",
@@ -161,3 +189,4 @@ def _check(aligned: Aligned, walks: Walks) -> None:
             raise InputError(
                 f"its answer, {name}[walk {walk}, pose {pose}]", "it is not finite", "Correct the algorithm"
             )
+    return aligned

@@ -13,6 +13,7 @@ from positioning.model import Arrays, world
 from positioning.posegraph.graph import PoseGraph, Solved
 from positioning.registry import Factory
 from positioning.tasks import Outcome
+from positioning.tasks.alignment import stacked_extra
 
 OPTIONS: tuple[str, ...] = ()
 QUANTITY = "position"
@@ -95,8 +96,8 @@ def run(
     Raises
     ------
     InputError
-        For a graph that cannot be used, or an answer of the wrong shape, with NaN in it, or in which a fixed
-        pose has moved.
+        For a graph that cannot be used, or an answer that is no `Solved`, of the wrong shape, with NaN in it,
+        or in which a fixed pose has moved.
     """
     if not any(name.startswith(PREFIX) for name in observed):
         return Outcome(skipped="there is no pose graph")
@@ -110,11 +111,10 @@ def run(
         start = perf_counter()
         solved = algorithm.solve(graph, rng)
         seconds.append(perf_counter() - start)
-        answers.append(Solved(_checked(solved.pose, graph), solved.extra))
+        answers.append(_checked(solved, graph))
     pose = np.stack([solved.pose for solved in answers])
     estimates: dict[str, NDArray[np.generic]] = {"position_m": pose[..., :2], "heading_rad": pose[..., 2]}
-    for name in answers[0].extra:
-        estimates[f"extra_{name}"] = np.stack([np.asarray(solved.extra[name]) for solved in answers])
+    estimates |= stacked_extra([solved.extra for solved in answers])
     return Outcome(estimates=estimates, seconds=np.array(seconds))
 
 
@@ -158,9 +158,21 @@ def fit_to(position_m: NDArray[np.float64], true_m: NDArray[np.float64]) -> NDAr
     return fitted_m
 
 
-def _checked(pose: NDArray[np.float64], graph: PoseGraph) -> NDArray[np.float64]:
-    found = np.asarray(pose, dtype=float)
+def _checked(solved: Any, graph: PoseGraph) -> Solved:
+    if not isinstance(solved, Solved):
+        raise InputError(
+            "its answer",
+            f"solve gave a {type(solved).__name__}, a Solved of positioning.posegraph.graph is needed",
+            "Return Solved(pose), of the shape [pose, 3]",
+        )
+    if not isinstance(solved.extra, Mapping):
+        limit = f"it is a {type(solved.extra).__name__}"
+        raise InputError("its answer, extra", limit, "Give a dict of arrays by name")
     thing, cure = "its answer, pose", "Correct the algorithm"
+    try:
+        found = np.asarray(solved.pose, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(thing, "it is no array", cure) from error
     if found.shape != graph.pose.shape:
         raise InputError(thing, f"the shape is {found.shape}, {graph.pose.shape} is needed", cure)
     finite = np.isfinite(found).all(axis=-1)
@@ -169,4 +181,4 @@ def _checked(pose: NDArray[np.float64], graph: PoseGraph) -> NDArray[np.float64]
     moved = np.asarray(graph.fixed & ~np.isclose(found, graph.pose, rtol=0, atol=1e-6).all(axis=-1))
     if moved.any():
         raise InputError(f"{thing}[{int(np.argmax(moved))}]", "the pose is fixed, and has moved", cure)
-    return found
+    return Solved(found, solved.extra)

@@ -4,13 +4,25 @@ import ast
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from decimal import Decimal, InvalidOperation
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import jsonschema
 
-from planning.code import constructor_parameters, first_line, missing_of_library
+from planning.code import (
+    Choices,
+    constructor_choices,
+    constructor_defaults,
+    constructor_parameters,
+    declares,
+    first_line,
+    fits,
+    methods,
+    missing_of_library,
+)
 from positioning.errors import InputError
 from positioning.files import read_yaml
 from positioning.registry import class_name
@@ -25,8 +37,11 @@ PARTS = {
     **{task: task for task in ("access_points", "fingerprinting", "ranging", "trilateration")},
     "regressor": "fingerprinting",
     "inertial": "tracking",
+    "alignment": "alignment",
 }
-"""Constructor parameters that are algorithms themselves, and their tasks."""
+"""Names of settings that are algorithms themselves where the row takes one, and their tasks."""
+NEEDED = {"alignment": "placed"}
+"""Methods that a part must have beside those of its task."""
 LIBRARY_PARTS = ("access_points", "fingerprinting")
 """Tasks of parts that a library's class may do."""
 LISTED = 160
@@ -67,6 +82,11 @@ class Entry:
         if self.source is None:
             return self.settings()
         return {**self.settings(), "meaning": first_line(self.source, class_name(self.use))}
+
+    def in_full(self) -> dict[str, Any]:
+        """Return its parameters with the defaults of the constructor, as far as these are plain values."""
+        own = {} if self.source is None else constructor_defaults(self.source, class_name(self.use))
+        return {**own, **self.parameters}
 
     def settings(self) -> dict[str, Any]:
         """Everything that its results depend on, as a job's parameter."""
@@ -168,6 +188,20 @@ class Study:
         return {"worlds": indices, "seeds": [self.first_seed + i for i in indices], "families": self.families}
 
 
+@cache
+def read_paper(root: Path, key: str) -> dict[str, Any]:
+    """Return what a paper reports; read and checked once, however many studies are of it.
+
+    Raises
+    ------
+    InputError
+        Where its file does not follow the schema.
+    """
+    paper: dict[str, Any] = read_yaml(root / PAPERS / f"{key}.yaml")
+    check_schema(paper, root / SCHEMAS / "paper.schema.yaml", f"data/papers/{key}.yaml")
+    return paper
+
+
 def resolve(config: Mapping[str, Any], root: Path = Path()) -> dict[str, Study]:
     """Check a configuration and return its studies.
 
@@ -197,13 +231,12 @@ def resolve(config: Mapping[str, Any], root: Path = Path()) -> dict[str, Study]:
     for name, values in config["studies"].items():
         key = f"studies.{name}"
         _known(values["paper"], papers, f"{key}.paper", "paper of data/papers/")
-        paper = read_yaml(root / PAPERS / f"{values['paper']}.yaml")
-        check_schema(paper, root / SCHEMAS / "paper.schema.yaml", f"data/papers/{values['paper']}.yaml")
+        paper = read_paper(root, values["paper"])
         entries = _entries(values["algorithms"], f"{key}.algorithms", root)
         sweeps = _entries(values.get("sweeps", {}), f"{key}.sweeps", root)
         for twice in entries.keys() & sweeps.keys():
             raise InputError(f"{key}.sweeps.{twice}", "a row of the table has this name", "Rename the sweep")
-        _check_built_on({**entries, **sweeps}, entries, f"{key}.algorithms")
+        _check_built_on({**entries, **sweeps}, entries, f"{key}.algorithms", root)
         reference = values.get("reference", next(iter(entries)))
         _known(reference, entries, f"{key}.reference", "row of algorithms")
         study = Study(
@@ -217,7 +250,10 @@ def resolve(config: Mapping[str, Any], root: Path = Path()) -> dict[str, Study]:
             worlds=values.get("worlds", 0),
             first_seed=values.get("first_seed", 0),
             recordings={k: v for k, v in values.get("recordings", {}).items() if v is not None},
-            calibrate=values.get("calibrate", []),
+            calibrate=[
+                {**step, "worlds": min(step["worlds"], config.get("calibration_worlds", step["worlds"]))}
+                for step in values.get("calibrate", [])
+            ],
             families={} if "recordings" in values else _families(values, paper, name),
             figure=values.get("figure", ""),
             scene="" if "recordings" in values else _told(root / f"positioning/simulation/{name}.py"),
@@ -350,9 +386,11 @@ def _entries(values: Mapping[str, Any], key: str, root: Path) -> dict[str, Entry
         )
         if entry.source is not None:
             _known_parameters(entry.parameters, root / entry.source, use, where)
+            _check_parts(built, files, where, root, root / entry.source, use, module.OPTIONS)
+            _check_values(entry.parameters, root / entry.source, use, where)
             if entry.over:
-                _check_swept(entry.over[0], {"use": use, "task": task, **entry.parameters}, where, root)
-            _check_parts(built, files, where)
+                line_of = {"use": use, "task": task, **entry.parameters}
+                _check_swept(entry.over[0], entry.over[1], line_of, where, root)
         else:
             _check_library(use, where)
         entries[name] = entry
@@ -363,7 +401,11 @@ BUILT_ON = {"fixes": ("trilateration", ("ranging", "trilateration")), "steps": (
 """Options that name another row: the task of that row, and what the row then does not need itself."""
 
 
-def _check_built_on(rows: Mapping[str, Entry], entries: Mapping[str, Entry], key: str) -> None:
+HANDS_UP_STEPS = "foot_inertial"
+"""The algorithm whose rows keep the steps that they find."""
+
+
+def _check_built_on(rows: Mapping[str, Entry], entries: Mapping[str, Entry], key: str, root: Path) -> None:
     """Check that rows which build on another one name a row of the right task with their worlds."""
     for name, row in rows.items():
         for option in BUILT_ON.keys() & row.options.keys():
@@ -376,6 +418,22 @@ def _check_built_on(rows: Mapping[str, Entry], entries: Mapping[str, Entry], key
             }
             below = row.options[option]
             _known(below, possible, f"{key}.{name}.{option}", f"{task} row of this study that stands alone")
+            if option == "steps":
+                if possible[below].use != HANDS_UP_STEPS:
+                    raise InputError(
+                        f"{key}.{name}.{option}",
+                        f"{below} hands up no steps",
+                        f"Name a row of {HANDS_UP_STEPS}",
+                    )
+                source = row.source
+                if source is not None and not declares(
+                    str(root / source), class_name(row.use), "takes_steps"
+                ):
+                    raise InputError(
+                        f"{key}.{name}.{option}",
+                        f"{row.use} does not take steps of another row, so that this would have no effect",
+                        "Leave it out, or use a filter that says takes_steps, such as foot_cascaded_filter",
+                    )
             twice = sorted(set(replaced) & row.parameters.keys())
             if twice:
                 raise InputError(
@@ -392,27 +450,107 @@ def _check_built_on(rows: Mapping[str, Entry], entries: Mapping[str, Entry], key
                 )
 
 
-def _check_parts(line: Mapping[str, Any], files: Mapping[str, list[str]], key: str) -> None:
-    """Check that each setting that must be an algorithm is one, of the right task."""
+def _check_parts(
+    line: Mapping[str, Any],
+    files: Mapping[str, list[str]],
+    key: str,
+    root: Path,
+    source: Path,
+    use: str,
+    options: Sequence[str] = (),
+) -> None:
+    """Check that each setting that must be an algorithm is one, of the right task.
+
+    Where the constructor of ``use`` takes numbers or words under one of these names, it is no part.
+    """
+    choices = constructor_choices(str(source), class_name(use)) or {}
     for name, task in PARTS.items():
         part = line.get(name)
-        if part is None:
+        if part is None or (name not in options and choices.get(name) is not None):
             continue
-        possible = [use for use, tasks in files.items() if task in tasks and not use.startswith("control_")]
+        possible = [
+            other
+            for other, tasks in files.items()
+            if task in tasks and not other.startswith("control_") and _has_needed(name, task, other, root)
+        ]
         if not isinstance(part, Mapping) or "use" not in part:
-            use = part if part in possible else f"<one of {_some(str(part), possible)}>"
+            meant = part if part in possible else f"<one of {_some(str(part), possible)}>"
             raise InputError(
                 f"{key}.{name}",
                 f"{part!r} is no {task} algorithm: the key use is missing",
-                f"Write {name}: {{use: {use}, ...}}",
+                f"Write {name}: {{use: {meant}, ...}}",
             )
-        use, own = str(part["use"]), part.get("task")
-        if own != task and not (own is None and "." in use and task in LIBRARY_PARTS):
+        own_use, own = str(part["use"]), part.get("task")
+        if own != task and not (own is None and "." in own_use and task in LIBRARY_PARTS):
             raise InputError(
                 f"{key}.{name}",
-                f"{use} is no {task} algorithm" + (f" but one of {own}" if own else ""),
-                f"Use one of {_some(use, possible)}",
+                f"{own_use} is no {task} algorithm" + (f" but one of {own}" if own else ""),
+                f"Use one of {_some(own_use, possible)}",
             )
+        if not _has_needed(name, task, own_use, root):
+            raise InputError(
+                f"{key}.{name}",
+                f"{own_use} has no method {NEEDED[name]}, which {use} calls",
+                f"Use one of {_some(own_use, possible)}",
+            )
+
+
+def _has_needed(name: str, task: str, use: str, root: Path) -> bool:
+    """Tell whether a part has the method that is called, as far as that shows without importing it."""
+    if name not in NEEDED:
+        return True
+    found = methods(str(root / f"algorithms/{task}/{use}.py"), class_name(use))
+    return found is None or NEEDED[name] in found
+
+
+def _check_values(line: Mapping[str, Any], source: Path, use: str, key: str) -> None:
+    """Check settings against the annotations of the constructor, without importing the algorithm."""
+    choices = constructor_choices(str(source), class_name(use)) or {}
+    for name, value in line.items():
+        _check_value(value, choices.get(name), f"{key}.{name}")
+
+
+def _check_value(value: Any, choices: Choices, key: str) -> None:
+    if choices is None or fits(value, choices):
+        return
+    words = [choice.value for choice in choices if choice.kind == "value"]
+    kinds = [KINDS[choice.kind] for choice in choices if choice.kind != "value"]
+    kinds += [f"a list of {len(c.items)}" for c in choices if c.kind == "tuple" and not c.repeats]
+    allowed = " or ".join([", ".join(map(repr, words))] * bool(words) + [kind for kind in kinds if kind])
+    if isinstance(value, str):
+        limit = f"the value {value!r} is text"
+        if (number := _as_number(value)) is not None and any(c.kind in ("float", "int") for c in choices):
+            raise InputError(key, f"{limit} to YAML; it must be {allowed}", f"Write {number}")
+        near = _hint(value, [word for word in words if isinstance(word, str)])
+        raise InputError(key, f"the value {value!r} is not allowed{near}", f"It must be {allowed}")
+    raise InputError(key, f"the value {value!r} is not allowed", f"It must be {allowed}")
+
+
+KINDS = {
+    "float": "a number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "str": "text",
+    "None": "null",
+    "tuple": "",
+}
+"""Kinds of values in words."""
+
+
+def _as_number(text: str) -> str | None:
+    """Return how YAML reads a number that it took for text, None for what is no finite number."""
+    try:
+        number = Decimal(text.strip())
+    except InvalidOperation:
+        return None
+    if not number.is_finite():
+        return None
+    plain = f"{number:f}"
+    if "e" not in text.lower():
+        return f"{plain} without quotes"
+    mantissa, exponent = f"{number.normalize():e}".split("e")
+    mantissa += "" if "." in mantissa else ".0"
+    return f"{plain} or {mantissa}e{int(exponent):+d}"
 
 
 def _check_library(use: str, key: str) -> None:
@@ -499,19 +637,29 @@ def _with_tasks(
     if "." in use:
         _check_library(use, key)
         return built
+    if use.startswith("control_"):
+        raise InputError(
+            f"{key}.use", f"{use} may see the truth, and so is no part of a row", "Name an algorithm"
+        )
     built["task"] = _task_of(use, built, files, key, {} if task is None else {task: []})
     source = root / f"algorithms/{built['task']}/{use}.py"
-    _known_parameters([k for k in built if k not in ("use", "task")], source, use, key)
-    _check_parts(built, files, key)
+    own = {k: v for k, v in built.items() if k not in ("use", "task")}
+    _known_parameters(own, source, use, key)
+    _check_parts(built, files, key, root, source, use)
+    _check_values(own, source, use, key)
     return built
 
 
-def _check_swept(setting: str, line: Mapping[str, Any], key: str, root: Path) -> None:
+def _check_swept(
+    setting: str, values: Sequence[float], line: Mapping[str, Any], key: str, root: Path
+) -> None:
     """Check the setting of a sweep; a dot leads into the settings of a part of the algorithm."""
     first, _, rest = setting.partition(".")
     source = root / f"algorithms/{line['task']}/{line['use']}.py"
     if "." not in line["use"]:
         _known_parameters([first], source, line["use"], key)
+        for value in () if rest else values:
+            _check_values({first: value}, source, line["use"], f"{key}.over")
     if rest:
         part = line.get(first)
         if not isinstance(part, Mapping) or "use" not in part:
@@ -520,7 +668,7 @@ def _check_swept(setting: str, line: Mapping[str, Any], key: str, root: Path) ->
                 f"the row builds no algorithm as its {first}",
                 f"Give the row {first}: {{use: ...}}, or sweep another setting",
             )
-        _check_swept(rest, part, f"{key}.{first}", root)
+        _check_swept(rest, values, part, f"{key}.{first}", root)
 
 
 def _nested(value: Any) -> list[str]:

@@ -109,6 +109,9 @@ rule figures:
         sweeps=lambda w: {
             name: row.settings()["over"] for name, row in study_of(w).sweeps.items()
         },
+        settings=lambda w: {
+            name: row.in_full() for name, row in study_of(w).entries.items()
+        },
         captions=lambda w: Captions(f"{RESULTS}/figures/{w.study}"),
     message:
         "{wildcards.study}: draw the figures"

@@ -24,6 +24,7 @@ def main(
     paper: str,
     output: str,
     estimates: Sequence[str] = (),
+    settings: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> None:
     """Write the folder ``output`` as a whole; ``worlds`` names the observed and the true side."""
     results = StudyResults(
@@ -36,6 +37,7 @@ def main(
         truth=read_tree(worlds["truth"]),
         paper=read_yaml(paper),
         estimate_files=tuple(estimates),
+        settings=settings or {},
     )
     target = Path(output)
     temporary = target.with_name(f".tmp-{os.getpid()}-{target.name}")
@@ -61,4 +63,5 @@ if __name__ == "__main__":
             snakemake.input.paper,
             snakemake.output[0],
             snakemake.input.estimates,
+            snakemake.params.settings,
         )

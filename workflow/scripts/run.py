@@ -43,19 +43,26 @@ def main(
         count = np.count_nonzero(arrays["world"] < (row["worlds"] or np.inf))
         arrays = {name: values[:count] for name, values in arrays.items()}
         seen = {name: values[:count] for name, values in truths[family].items()} if truth else None
+        without = ""
         for what, below in found.items():
             outputs = {
                 k.removeprefix("estimate."): v[:count] for k, v in below[f"{family}/0"].items() if v.ndim
             }
-            # Where that row was skipped, the algorithm meets the same data and gives its own reason.
+            # Where a row of fixes was skipped, the algorithm meets the same data and gives its own reason.
+            # One that lacks steps would make some of its own, with settings that nobody asked for.
             if what == "steps":
                 arrays |= of_extra(outputs)
+                if reason := str(below[f"{family}/0"]["skipped"]):
+                    without = f"row {row['options']['steps']}, whose steps it takes, was skipped: {reason}"
             elif "output_m" in outputs:
                 arrays |= of_outputs(outputs, arrays["recording.time_s"])
         seeds = [int(seed) for seed in arrays["seed"]]
         for number, step in enumerate(steps):
             if row["families"] and family not in row["families"]:
                 tree[f"{family}/{number}"] = _step(arrays, step, Outcome(skipped=NOT_ASKED))
+                continue
+            if without:
+                tree[f"{family}/{number}"] = _step(arrays, step, Outcome(skipped=without))
                 continue
             parameters = row["parameters"] if setting is None else changed(row["parameters"], setting, step)
             try:

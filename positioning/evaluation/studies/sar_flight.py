@@ -125,9 +125,9 @@ def _of_row(answer: Answer) -> Iterator[Named]:
 def lag_s(answer: Answer, chosen: NDArray[np.bool_]) -> Values:
     """Return by how much a track lags behind: the shift in time that leaves the least horizontal error, [w].
 
-    See Mirzababaei & Akbari, section 3, which speaks of a time lag. To first order an error ``e`` of a lag
-    ``t`` at the velocity ``v`` is ``-v t``, so that least squares has ``t = -sum(e v) / sum(v v)``; negative
-    where the track is ahead, NaN where nothing moves.
+    See Mirzababaei & Akbari, section 3, which speaks of a time lag where Q is smaller than the true one. To
+    first order an error ``e`` of a lag ``t`` at the velocity ``v`` is ``-v t``, so that least squares has
+    ``t = -sum(e v) / sum(v v)``; negative where the track is ahead, NaN where nothing moves.
 
     Parameters
     ----------

@@ -23,6 +23,9 @@ from positioning.presentation.tones import is_control
 TRACKS = ("gps_inertial", "gps_inertial_15")
 """Rows whose tracks are drawn; inertial navigation alone leaves the site within a minute."""
 
+PLAIN, RAISED = "gps_inertial", "gps_inertial_raised"
+"""Rows that are compared with GPS itself: the data sheet's Q, and a raised one."""
+
 LEAST_M = 0.05
 """Below this a logarithmic axis ends."""
 
@@ -195,6 +198,31 @@ def _innovations(study: Study) -> str:
     return told
 
 
+def _against_gps(drives: list[Drive]) -> str:
+    """Return in words, of a drive with GPS throughout, what a filter adds to the GPS that it uses."""
+    drive = next((drive for drive in drives if drive.outage_s is None), None)
+    if drive is None or "recording.gps_time_s" not in drive.observed or PLAIN not in drive.position_m:
+        return ""
+    local_m = to_local(drive.observed["recording.gps_geodetic"], drive.observed["site.origin_geodetic"])
+    true_m = drive.truth["truth.position_m"]
+    at_s = drive.observed["recording.gps_time_s"]
+    # Between epochs with a true place; NaN beside those without, and behind the last.
+    moved = [
+        np.interp(at_s, drive.time_s, true_m[:, axis], left=np.nan, right=np.nan) - local_m[:, axis]
+        for axis in range(2)
+    ]
+    off_m = np.hypot(*moved)
+    if not np.isfinite(off_m).any():
+        return ""
+    gps_m = float(np.nanmean(off_m))
+    rows = {row: float(np.nanmean(drive.error_m(row))) for row in (PLAIN, RAISED) if row in drive.position_m}
+    told = ", ".join(f"{row} {metres(mean_m)} m" for row, mean_m in rows.items())
+    others = ["the GPS that it uses"] if rows[PLAIN] > gps_m else []
+    others += [f"{RAISED}, the same filter with Q raised"] if rows[PLAIN] > rows.get(RAISED, np.inf) else []
+    worse = f": {PLAIN} is worse than {' and than '.join(others)}" if others else ""
+    return f" With GPS throughout, readings of GPS are {metres(gps_m)} m off on the mean, {told}{worse}."
+
+
 def _errors(drives: list[Drive], innovations: str) -> Drawn | None:
     """Draw the error over time, a panel a recording."""
     if not drives:
@@ -237,7 +265,7 @@ def _errors(drives: list[Drive], innovations: str) -> Drawn | None:
         caption=f"Horizontal error against the reference; n = {max(count)} epochs with an error in each of"
         f" {len(drives)} recording{'s' if len(drives) > 1 else ''}, each one world: the same drive with other"
         f" outages, so these are no repetitions. The outage is shaded. Mean errors, {'; '.join(told)}."
-        f"{innovations} {REFERENCE} {ASSUMED} {NO_RESULT}",
+        f"{innovations}{_against_gps(drives)} {REFERENCE} {ASSUMED} {NO_RESULT}",
         alt=f"Errors over time in {len(drives)} panels. Mean errors, {'; '.join(told)}.",
     )
 

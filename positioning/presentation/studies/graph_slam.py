@@ -87,7 +87,7 @@ AXES = {"degrees": "heading error (degrees)", "m": "error (m)", "share": "share 
 """What stands along the axis of printed numbers, by their unit."""
 
 LARGE_M = 10.0
-"""Printed lengths above this have a panel of their own."""
+"""Lengths of which the printed or the rebuilt one reaches beyond have a panel of their own."""
 
 COSTS = {"aligned": "squared", "aligned_linear": "linear", "aligned_cauchy": "Cauchy"}
 
@@ -190,7 +190,8 @@ def _printed(study: Study) -> Drawn | None:
         except InputError:
             continue
         digits, unit = str(claim["printed"]), str(claim.get("unit", ""))
-        key = (unit, unit == "m" and float(digits) > LARGE_M)
+        reach = max(float(digits), figures.interval_of(values).high, values.mean())
+        key = (unit, unit == "m" and reach > LARGE_M)
         groups.setdefault(key, []).append((claim["id"], digits, values))
     if not groups:
         return None
@@ -285,8 +286,8 @@ def _costs(study: Study) -> Drawn | None:
         title="Squared, linear and robust cost of WiFi edges",
         caption=f"Landmark errors, {_counted(study, family)}, tied by all visits; a dot is a world, a grey"
         f" line joins the same world. {'. '.join(told)}. Eq. 5 prints the linear cost, the paper's library"
-        " squares; the Cauchy loss is the robust baseline. All have one weight,"
-        f" though each cost has a best one of its own. {ASSUMED}",
+        f" squares; the Cauchy loss is the robust baseline.{_weights(study, rows)} Each cost has a best"
+        f" weight of its own. {ASSUMED}",
         alt=f"Landmark errors by world for costs of WiFi edges. {'. '.join(told)}.",
     )
 
@@ -389,11 +390,23 @@ def _by_world(axes: Axes, study: Study, family: str, rows: Mapping[str, str], me
     return ", ".join(told) + (f"; {', '.join(told_differences)}" if told_differences else "")
 
 
+def _weights(study: Study, rows: Mapping[str, str]) -> str:
+    """Return in words which weight of WiFi edges rows have; empty where their settings are unknown."""
+    weights = {words: study.results.settings.get(row, {}).get("wifi_weight") for row, words in rows.items()}
+    if None in weights.values():
+        return ""
+    if len(set(weights.values())) == 1:
+        return f" The weight of WiFi edges is {next(iter(weights.values())):g} for all."
+    return f" Weight of WiFi edges: {', '.join(f'{words} {weight:g}' for words, weight in weights.items())}."
+
+
 def _printed_level(axes: Axes, study: Study, claim: str) -> None:
     digits = figures.printed_or_none(study.results, claim)
     if digits is not None:
-        label = "printed"
-        axes.axhline(float(digits), color=TRUE_COLOR, linestyle="--", linewidth=1.0, label=label)
+        level = float(digits)
+        axes.axhline(level, color=TRUE_COLOR, linestyle="--", linewidth=1.0, label="printed")
+        # Limits that were set do not grow by themselves.
+        axes.set_ylim(top=max(axes.get_ylim()[1], 1.08 * level))
 
 
 def _keep_near(axes: Axes, rows: Sequence[str], differences_m: Array) -> None:

@@ -118,10 +118,18 @@ def weight(study: Study) -> Drawn | None:
         best[name] = float(curve[least, 0])
         axes.plot(best[name] * shift, means_m[least], "o", color=look.color, fillstyle="none", markersize=11)
         told.append(f"{_told(words, curve)}; least at {best[name]:g}")
-    first = curves[0][0]
-    used = value_of(study, family, first, WEIGHTS[first][0])
-    if used is not None:
-        axes.axvline(used, color=TRUE_COLOR, linewidth=1.0, label=f"weight of all rows: {used:g}")
+    used: dict[float, list[str]] = {}
+    verdicts = []
+    for name, _ in curves:
+        row, words = WEIGHTS[name]
+        value = value_of(study, family, name, row)
+        if value is not None:
+            used.setdefault(value, []).append(row)
+            found = "is" if np.isclose(value, best[name]) else "is not"
+            verdicts.append(f" Row {row} has {value:g} (line), which {found} the best shown for {words}.")
+    for value, rows in used.items():
+        named = f"{'rows' if len(rows) > 1 else 'row'} {', '.join(rows)}: {value:g}"
+        axes.axvline(value, color=TRUE_COLOR, linewidth=1.0, label=named)
     for row, (words, line) in LEVELS.items():
         values = study.get(family, row, MEAN)
         if len(values):
@@ -134,18 +142,20 @@ def weight(study: Study) -> Drawn | None:
     _plain_log(axes)
     legend_above(figure, axes, columns=3)
     tried = sum(len(curve) for _, curve in curves)
+    others = {name: len(values) for name, (_, values) in study.results.sweeps.items() if name not in WEIGHTS}
+    more = "".join(
+        f" {count} values of {name} were tried on these worlds as well." for name, count in others.items()
+    )
     least_at = ", ".join(f"{WEIGHTS[name][1]} at {weight:g}" for name, weight in best.items())
-    verdict = ""
-    if used is not None:
-        found = "is" if np.isclose(used, best[first]) else "is not"
-        verdict = f" All rows have {used:g} (line), which {found} the best for the cost {WEIGHTS[first][1]}."
+    verdict = "".join(verdicts)
     return Drawn(
         name="weight",
         figure=figure,
         title="Weight of WiFi edges, on worlds of their own",
-        caption=f"Mean landmark error, {_counted(study, family, worlds)}. {tried} settings were tried, all"
-        f" of which are shown; the largest error of eq. 10 is 1. The paper prints no weight. Ring: least of"
-        f" each cost, {least_at}.{verdict} Both axes are logarithmic; markers of one weight stand beside each"
+        caption=f"Mean landmark error, {_counted(study, family, worlds)}. {tried} weights are shown;"
+        " 0.000001 and 1 were tried before for the squared and the linear cost, and were no better."
+        f"{more} The largest error of eq. 10 is 1. The paper prints no weight. Ring: least of each cost,"
+        f" {least_at}.{verdict} Both axes are logarithmic; markers of one weight stand beside each"
         " other. These worlds judge nothing else; they are assumed.",
         alt=f"Mean landmark error against the weight of WiFi edges, {tried} settings. {'. '.join(told)}."
         + verdict,

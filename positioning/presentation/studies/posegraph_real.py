@@ -4,6 +4,7 @@ See Gu et al., Figures 5 and 6, for the former.
 """
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -82,6 +83,7 @@ def _trajectories(results: StudyResults, family: str) -> Drawn:
         else "Nobody knows the true places; the first pose is the same in all panels, and the axes are those"
         " of the answer, in colour."
     )
+    frame += _stopped_words(results, {family: list(places)}, "No minimum was reached.")
     words = "with their mean errors after this fit" if known else "without any known truth"
     return Drawn(
         name=f"trajectories_{family}",
@@ -110,7 +112,8 @@ def _costs(results: StudyResults, families: list[str]) -> Drawn:
         " near places by what they are apart beyond 2 m, with an assumed standard deviation of one metre for"
         " a score of one, flat from 30 m on; no robust loss, which some rows minimise instead. Written: the"
         " cost, the steps of the search, and the mean error after the best rotation and shift where true"
-        " places are known. The least cost is not the least error where many pairs are wrong.",
+        " places are known. The least cost is not the least error where many pairs are wrong."
+        + _stopped_words(results, rows, "Hollow: no minimum was reached."),
         alt=" ".join(told),
     )
 
@@ -123,10 +126,12 @@ def _cost_panel(axes: Axes, results: StudyResults, family: str, rows: list[str])
             figures.per_world(results, family, row, metric) for metric in ("iterations", "mean_m")
         )
         text = f"{cost:,.0f}" if cost >= 1000 else f"{cost:.4g}"
-        text += f", {int(steps[0])} steps" if len(steps) else ""
+        stopped = _stopped(results, family, row)
+        text += f", {int(steps[0])} steps" + (" (stopped)" if stopped else "") if len(steps) else ""
         text += f", {error_m[0]:.2f} m" if len(error_m) and np.isfinite(error_m[0]) else ""
         look = stroke(row)
-        axes.plot(cost, place, look.marker, color=look.color, linestyle="none")
+        filling = "white" if stopped else look.color
+        axes.plot(cost, place, look.marker, color=look.color, markerfacecolor=filling, linestyle="none")
         axes.annotate(
             text, (cost, place), xytext=(7, 0), textcoords="offset points", va="center", fontsize=7.5
         )
@@ -138,6 +143,19 @@ def _cost_panel(axes: Axes, results: StudyResults, family: str, rows: list[str])
     figures.label_rows(axes, rows)
     axes.set_title(family)
     return f"Costs of {family}: {'; '.join(told)}."
+
+
+def _stopped(results: StudyResults, family: str, row: str) -> bool:
+    """Tell whether a search did not end by itself; False for a row that does not tell."""
+    return not np.all(results.estimate(row, family).get("extra_converged", True))
+
+
+def _stopped_words(results: StudyResults, rows: Mapping[str, Sequence[str]], mark: str) -> str:
+    """Return a sentence on the searches that did not end by themselves; empty where all did."""
+    stopped = {family: [row for row in own if _stopped(results, family, row)] for family, own in rows.items()}
+    told = "; ".join(f"{', '.join(own)} in {family}" for family, own in stopped.items() if own)
+    words = f" {mark} The search stopped before it ended by itself, as a rule at the limit of its steps"
+    return f"{words}: {told}." if told else ""
 
 
 def _numbers(values: Any) -> Array:

@@ -5,6 +5,7 @@ of it but the limit for landing. Those over time stand in `sar_flight_world`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,9 @@ LENGTHS = {
 """Sweeps over the length of the outage: the row whose look they have, and words."""
 
 NOISE, NOISE_ROW = "noise_gps", "gps_inertial"
+
+LAG = "gps_lag_s"
+"""How far behind the true course the estimates are; not drawn, told with the noise."""
 
 NOISE_ROWS = {1.0: NOISE_ROW, 100.0: "gps_inertial_raised"}
 """Rows of the table that have a factor on Q which the sweep need not run again."""
@@ -82,7 +86,9 @@ def draw(results: StudyResults) -> list[Drawn]:
         return []
     drawn = draw_flights(study)
     drawn |= {item.name: item for make in FIGURES if (item := make(study)) is not None}
-    return [drawn[name] for name in ORDER if name in drawn]
+    shown = [drawn[name] for name in ORDER if name in drawn]
+    # What is assumed of all of them is said once, below the first.
+    return shown[:1] + [replace(item, caption=item.caption.replace(f" {ASSUMED}", "")) for item in shown[1:]]
 
 
 def _table(study: Study) -> Drawn | None:
@@ -119,17 +125,11 @@ def _table(study: Study) -> Drawn | None:
         caption="Mean, largest and last horizontal error in the outage of GPS, mean over"
         f" {_number(worlds)} of each family{f'; bars: {central(worlds)}' if worlds > 1 else ''}."
         f" {_epochs(study)} The dashed line is the limit of {LIMIT_M} m that the abstract has for landing."
-        f" A row runs in the families that its line names. {ASSUMED} {NO_RESULT}",
-        alt="Mean and largest error in the outage. "
-        + _told(
-            study,
-            rows,
-            "outage_mean_m",
-            lambda f, r: (
-                f"{metres(_mean(study, f, r, 'outage_mean_m'))} m and"
-                f" {metres(_mean(study, f, r, 'outage_max_m'))} m"
-            ),
-        ),
+        f" A row runs in the families that its line names. In numbers, mean / largest / last in m:"
+        f" {_told(study, rows, 'outage_mean_m', lambda f, r: ' / '.join(_levels(study, f, r)))}"
+        f" {ASSUMED} {NO_RESULT}",
+        alt="Mean, largest and last error in the outage. "
+        + _told(study, rows, "outage_mean_m", lambda f, r: f"{', '.join(_levels(study, f, r))} m"),
     )
 
 
@@ -254,6 +254,8 @@ def _noise(study: Study) -> Drawn | None:
         axes.set_ylabel(label)
         numbers = ", ".join(f"{m:.3g} at {v:g}" for v, m in curve.mean(axis=1).items())
         told.append(f"{label} {title}: {numbers}")
+    if lags := _lags(_curve(own, NOISE, LAG)):
+        told.append(lags)
     return Drawn(
         name="noise",
         figure=figure,
@@ -261,8 +263,20 @@ def _noise(study: Study) -> Drawn | None:
         caption=f"{NOISE_ROW} with Q as a data sheet has it (1) times a factor, mean over worlds of family"
         f" {family}{_bars(worlds.values())}. {_counted(worlds)} Section 3 raises Q until the filter is"
         f" stable. {'; '.join(told)}. {ASSUMED} {NO_RESULT}",
-        alt=f"Three panels against the factor on Q. {'; '.join(told)}.",
+        alt=f"{len(present)} panels against the factor on Q. {'; '.join(told)}.",
     )
+
+
+def _lags(curve: pd.DataFrame) -> str:
+    """Return in words the mean lag at each value of a sweep, with the interval of the mean."""
+    parts = []
+    for value, lag_s in curve.iterrows():
+        kept = lag_s.dropna().to_numpy(dtype=float)
+        low, high, _ = mean_interval(kept)
+        interval = f" ({low:.3f} to {high:.3f})" if len(kept) > 1 else ""
+        parts.append(f"{kept.mean():.3f} s{interval} at {value:g}".replace("-", "\N{MINUS SIGN}"))
+    inside = " (in brackets the 95 % interval of the mean)" if curve.shape[1] > 1 else ""
+    return f"lag behind the true course under GPS{inside}: {', '.join(parts)}" if parts else ""
 
 
 def _variants(study: Study) -> Drawn | None:
@@ -469,6 +483,11 @@ def _percent(value: float) -> str:
 
 def _mean(study: Study, family: str, row: str, metric: str) -> float:
     return float(study.get(family, row, metric).mean())
+
+
+def _levels(study: Study, family: str, row: str) -> list[str]:
+    """Return mean, largest and last error in the outage as they are printed."""
+    return [metres(_mean(study, family, row, metric)) for metric in LEVELS]
 
 
 def _share(study: Study, family: str, row: str, metric: str) -> float:
