@@ -257,6 +257,7 @@ def measures(estimates, worlds):
 '''
 PAPER = """
 key: toy
+short: A toy
 authors: N. N.
 title: A toy
 settings:
