@@ -9,7 +9,6 @@ import io
 import json
 import os
 import re
-import shutil
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,13 +17,13 @@ from urllib.parse import unquote, urlsplit
 
 import numpy as np
 import pytest
+from conftest import CHROMIUM
 from test_comparison import built as comparison_built  # noqa: F401 - fixtures
 from test_comparison import compared  # noqa: F401
 from test_presentation import built as study_built  # noqa: F401
 
 ROOT = Path(__file__).resolve().parents[1]
 HARNESS = Path(__file__).with_name("browser.js")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 WIDTHS = (1280, 390)
 """Pixels of a desk's screen and of a phone's."""
 

@@ -3,7 +3,6 @@
 import importlib.util
 import json
 import re
-import shutil
 import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from conftest import CHROMIUM
 
 from positioning.evaluation import comparison as c
 from positioning.evaluation.measures import PAIRED
@@ -567,7 +567,7 @@ setTimeout(() => { note("link"); document.getElementById("told").textContent = t
 </script>"""
 
 
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="chromium is not installed")
+@pytest.mark.skipif(CHROMIUM is None, reason="chromium (or google-chrome) is not installed")
 def test_the_script_sorts_and_filters_in_a_browser(tmp_path):
     page = tmp_path / "page.html"
     page.write_text(SORTED % (TEMPLATES / "sort.js").read_text(encoding="utf-8"), encoding="utf-8")
@@ -575,7 +575,7 @@ def test_the_script_sorts_and_filters_in_a_browser(tmp_path):
         "--headless --no-sandbox --disable-gpu --disable-background-networking --virtual-time-budget=2000"
     )
     command = [
-        "chromium",
+        CHROMIUM,
         *options.split(),
         f"--user-data-dir={tmp_path / 'profile'}",
         "--dump-dom",

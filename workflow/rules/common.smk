@@ -30,7 +30,11 @@ GOLDEN = "tests/golden/claims.csv"
 TEMPLATES = sorted(
     str(path) for path in Path("positioning/presentation/templates").iterdir()
 )
-QUICK = bool(config.get("quick"))
+# What the pages tell of each study.
+PLANS = {
+    name: study.describe() | {"quick": bool(config.get("quick"))}
+    for name, study in STUDIES.items()
+}
 
 
 def one_of(names):

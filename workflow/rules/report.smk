@@ -116,7 +116,7 @@ rule page:
     conda:
         ENVIRONMENT
     params:
-        plan=lambda w: study_of(w).describe() | {"quick": QUICK},
+        plan=lambda w: PLANS[w.study],
     message:
         "{wildcards.study}: write its page"
     script:
@@ -146,10 +146,7 @@ rule index:
     conda:
         ENVIRONMENT
     params:
-        plan={
-            name: study.describe() | {"quick": QUICK}
-            for name, study in STUDIES.items()
-        },
+        plan=PLANS,
     message:
         "write front page, claims and method"
     script:
@@ -183,10 +180,7 @@ rule comparison:
     conda:
         ENVIRONMENT
     params:
-        plan={
-            name: study.describe() | {"quick": QUICK}
-            for name, study in STUDIES.items()
-        },
+        plan=PLANS,
         captions=Captions(f"{RESULTS}/comparison"),
     message:
         "put all algorithms of a task beside each other"
@@ -218,10 +212,7 @@ rule pdf:
     conda:
         ENVIRONMENT
     params:
-        plan={
-            name: study.describe() | {"quick": QUICK}
-            for name, study in STUDIES.items()
-        },
+        plan=PLANS,
     message:
         "set the whole report as a PDF"
     script:

@@ -152,8 +152,7 @@ def weight(study: Study) -> Drawn | None:
         name="weight",
         figure=figure,
         title="Weight of WiFi edges, on worlds of their own",
-        caption=f"Mean landmark error, {_counted(study, family, worlds)}. {tried} weights are shown;"
-        " 0.000001 and 1 were tried before for the squared and the linear cost, and were no better."
+        caption=f"Mean landmark error, {_counted(study, family, worlds)}. {tried} weights are shown."
         f"{more} The largest error of eq. 10 is 1. The paper prints no weight. Ring: least of each cost,"
         f" {least_at}.{verdict} Both axes are logarithmic; markers of one weight stand beside each"
         " other. These worlds judge nothing else; they are assumed.",
