@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from positioning.inertial.flight_filter import FlightFilter, navigate_flight
-from positioning.inertial.geodetic import attitude_of, position_scale_m, readings, to_local, travelled
+from positioning.inertial.flight_filter import navigate_flight
+from positioning.inertial.flight_settings import FlightFilter
+from positioning.inertial.geodetic import attitude_of, position_scale_m, to_local
+from positioning.inertial.geodetic_strapdown import readings, travelled
 from positioning.inertial.landmarks import from_sensor_m, sighting_of
 from positioning.model import Recording, Site
 

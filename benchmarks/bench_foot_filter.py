@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from positioning.inertial.foot import FootFilter, foot_navigation, rests
+from positioning.inertial.foot import foot_navigation
+from positioning.inertial.foot_alignment import rests
+from positioning.inertial.foot_settings import FootFilter
 from positioning.inertial.strapdown import attitude_of, readings
 from positioning.model import Recording, Site
 

@@ -16,9 +16,10 @@ import pytest
 from scipy.spatial import cKDTree
 
 from positioning.model import Array
+from positioning.posegraph.costs import COSTS, Cost, NearCost
 from positioning.posegraph.g2o import read, write
 from positioning.posegraph.graph import PoseGraph
-from positioning.posegraph.optimiser import COSTS, Cost, NearCost, optimise
+from positioning.posegraph.optimiser import optimise
 from positioning.posegraph.residuals import MOTION_INFORMATION, move, relative_pose
 from positioning.posegraph.similarity import rss_distance_db
 

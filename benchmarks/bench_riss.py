@@ -12,7 +12,8 @@ from sklearn.base import BaseEstimator
 
 from algorithms.tracking.riss import Riss
 from algorithms.tracking.riss_kalman_filter import RissKalmanFilter
-from positioning.inertial.riss import downsample, increments, mechanise, readings
+from positioning.inertial.riss import increments, mechanise
+from positioning.inertial.riss_readings import downsample, readings
 from positioning.model import Array, Recording, Site, Survey
 
 RECORDINGS, READINGS, EPOCHS = 40, 20_000, 250

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.linalg import expm
 
 from positioning.inertial.earth import EARTH_RATE_RAD_PER_S, meridian_radius_m, normal_radius_m
-from positioning.inertial.geodetic import error_dynamics, position_scale_m
+from positioning.inertial.geodetic import position_scale_m
+from positioning.inertial.geodetic_error_state import error_dynamics
 from positioning.model import Array
 
 PLACE = np.array([np.radians(35.7), np.radians(51.4), 1209.0])

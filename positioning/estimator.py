@@ -2,7 +2,9 @@
 
 import copy
 import inspect
-from typing import Any, Self
+from typing import Any, Self, TypeVar, cast
+
+Kind = TypeVar("Kind")
 
 
 class Estimator:
@@ -125,7 +127,7 @@ class Transformer(Estimator):
         return tags
 
 
-def clone(estimator: Any) -> Any:
+def clone(estimator: Kind) -> Kind:
     """Return an estimator with the same settings that has learned nothing.
 
     See scikit-learn's ``clone``, which is called for the estimators of other libraries.
@@ -138,7 +140,7 @@ def clone(estimator: Any) -> Any:
     if not isinstance(estimator, Estimator):
         from sklearn.base import clone as of_library
 
-        return of_library(estimator)
+        return cast(Kind, of_library(estimator))
     settings = estimator.get_params(deep=False)
     return type(estimator)(
         **{

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from scipy.special import log_ndtr
 
 from positioning.errors import InputError
+from positioning.estimator import clone
 from positioning.fingerprints import FingerprintRegressor, Mask, training_members
 from positioning.geometry import pairwise_distance_m, wall_crossings
 from positioning.model import Array, Site, Survey
@@ -246,18 +247,18 @@ class PropagationRegressor(FingerprintRegressor, ABC):
 
         See Mirzababaei & Akbari, eqs. 67 and 68.
         """
-        return self._locate(
-            log_likelihood(self.model_, self.grid_terms_, self._readings(rss_dbm), self.floor_dbm)
-        )
+        rss = self._readings(rss_dbm)
+        return self._locate(log_likelihood(self.model_, self.grid_terms_, rss, self.floor_dbm))
 
     def leave_one_out(self, rss_dbm: ArrayLike, position_m: ArrayLike) -> Array:
         """Return the estimate of each fingerprint with its reference point left out, [n, 2], metres.
 
-        See Mirzababaei & Akbari, section 6. Parameters as in `fit`.
+        See Mirzababaei & Akbari, section 6. Parameters as in `fit`, whose model stays as it is.
         """
-        rss, terms = self._prepare(rss_dbm, position_m, least=2)
+        fresh = clone(self)
+        rss, terms = fresh._prepare(rss_dbm, position_m, least=2)
         model = fit_propagation(terms, rss, training_members(position_m))
-        return self._locate(log_likelihood(model, self.grid_terms_, rss, self.floor_dbm))
+        return fresh._locate(log_likelihood(model, fresh.grid_terms_, rss, self.floor_dbm))
 
     def _prepare(self, rss_dbm: ArrayLike, position_m: ArrayLike, least: int) -> tuple[Array, Array]:
         """Return checked readings and the terms at their positions; set up the grid."""

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from positioning.errors import InputError
-from positioning.inertial.foot import Steps
+from positioning.inertial.foot_steps import Steps
 from positioning.model import Array, Arrays, Recording
 
 PREFIX = "step_"

@@ -16,7 +16,8 @@ from algorithms.alignment.ransac_alignment import RansacAlignment
 from positioning.errors import InputError
 from positioning.geometry import rigid_fit, rotated
 from positioning.model import Truth, Walks
-from positioning.posegraph.optimiser import FRAMES, Frame, NearCost, optimise
+from positioning.posegraph.costs import NearCost
+from positioning.posegraph.optimiser import FRAMES, Frame, optimise
 from positioning.walk_alignment import Placed, motion_graph, moved, place_walks, poses_of, wifi_pairs
 
 CLASSES = (GraphSlam, RansacAlignment, AlignedGraphSlam, GtsamGraphSlam, ControlTrueNeighbours)

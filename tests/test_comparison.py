@@ -14,11 +14,15 @@ import yaml
 from conftest import CHROMIUM
 
 from positioning.evaluation import comparison as c
+from positioning.evaluation.comparison_lines import COLUMNS, StudyTables, roles
 from positioning.evaluation.measures import PAIRED
 from positioning.evaluation.measures import table as study_table
+from positioning.evaluation.ranks import complete_block, difference_ranks, mean_ranks, worlds_won
 from positioning.evaluation.statistics import mean_interval, paired_difference
-from positioning.presentation import comparison as drawn
 from positioning.presentation import figures
+from positioning.presentation.comparison import page
+from positioning.presentation.comparison_figures import _decades, draw
+from positioning.presentation.comparison_text import TOO_NARROW, answer, answered, duration, reservation
 
 ROOT = Path(__file__).resolve().parents[1]
 TEMPLATES = ROOT / "positioning/presentation/templates"
@@ -54,7 +58,7 @@ def study(name="rooms", kind="synthetic", families=("a", "b", "c"), rows=tuple(E
                     pairs.append((family, row, against, *result, "world"))
     frame = pd.DataFrame(measures, columns=["family", "algorithm", "value", "world", "metric", "x"])
     own = frame[frame["metric"] == "mean_m"].rename(columns={"x": "mean_m"})
-    return c.StudyTables(
+    return StudyTables(
         study=name,
         title=f"Study {name}",
         kind=kind,
@@ -78,9 +82,9 @@ def compared():
 @pytest.fixture(scope="module")
 def built(compared, tmp_path_factory):
     folder = tmp_path_factory.mktemp("comparison")
-    figures.save(drawn.draw(compared), folder)
+    figures.save(draw(compared), folder)
     manifest = {"commit": "abc", "dirty": True, "packages": {"numpy": "2"}, "seconds_by_rule": {"run": 7}}
-    return folder, drawn.page(compared, folder, manifest)
+    return folder, page(compared, folder, manifest)
 
 
 def test_of_rows_built_alike_one_competes_and_a_new_one_takes_no_place():
@@ -96,7 +100,7 @@ def test_of_rows_built_alike_one_competes_and_a_new_one_takes_no_place():
         "control_oracle": {"use": "control_oracle", "task": "fingerprinting"},
     }
     accepted = {("fingerprinting", row) for row in entries if row != "newest"}
-    found = c.roles(entries, "chosen", accepted)
+    found = roles(entries, "chosen", accepted)
     assert {row: role for row, (role, _) in found.items()} == {
         "later": "variant",
         "knn": "main",
@@ -109,7 +113,7 @@ def test_of_rows_built_alike_one_competes_and_a_new_one_takes_no_place():
     }
     assert [row for row, (_, new) in found.items() if new] == ["newest"]
     first = {"newest": entries["newest"], "other": entries["other"]}
-    assert c.roles(first, "other", accepted)["newest"] == ("variant", True)
+    assert roles(first, "other", accepted)["newest"] == ("variant", True)
 
 
 def test_ranks_and_shares_are_among_those_that_compete(compared):
@@ -122,7 +126,7 @@ def test_ranks_and_shares_are_among_those_that_compete(compared):
     assert own.loc["mine", "worlds_won_share"] == 1
     assert np.isnan(own.loc["wknn_wide", "worlds_won_share"])
     assert list(own.index[own["new"]]) == ["mine"]
-    assert lines.columns.tolist() == c.COLUMNS
+    assert lines.columns.tolist() == COLUMNS
 
 
 def test_intervals_of_means_are_over_worlds_or_over_samples(compared):
@@ -139,8 +143,8 @@ def test_intervals_of_means_are_over_worlds_or_over_samples(compared):
 
 def test_a_world_is_shared_by_equal_errors_and_absent_rows_win_nothing():
     mean_m = np.array([[1.0, 1.0 + 5e-5, 2.0], [3.0, 1.0, np.nan], [np.nan, np.nan, 1.0], [np.nan] * 3])
-    assert c.worlds_won(mean_m) == pytest.approx([0.5 / 3, 1.5 / 3, 1 / 3])
-    assert c.worlds_won(np.array([[1.0, 1.0 + 3e-4]])) == pytest.approx([1, 0])
+    assert worlds_won(mean_m) == pytest.approx([0.5 / 3, 1.5 / 3, 1 / 3])
+    assert worlds_won(np.array([[1.0, 1.0 + 3e-4]])) == pytest.approx([1, 0])
 
 
 def differences(mean_m):
@@ -151,16 +155,16 @@ def differences(mean_m):
 def test_ranks_of_equal_samples_are_those_of_the_means_and_ties_share_a_rank():
     mean_m = np.array([[3.0, 1.0, 2.0, 1.0 + 5e-5], [1.0, 2.0, 3.0, 4.0], [2.0, 2.0, 2.0, 2.0]])
     expected = [[4, 1.5, 3, 1.5], [1, 2, 3, 4], [2.5, 2.5, 2.5, 2.5]]
-    assert c.difference_ranks(differences(mean_m), mean_m).tolist() == expected
+    assert difference_ranks(differences(mean_m), mean_m).tolist() == expected
     apart = np.array([1.0, 1.0 + 3e-4])
-    assert c.difference_ranks(differences(apart), apart).tolist() == [1, 2]
+    assert difference_ranks(differences(apart), apart).tolist() == [1, 2]
 
 
 def test_ranks_are_of_common_samples_and_nothing_common_is_a_tie():
     # The first has the smallest mean because it answers easy samples alone, at which the second is better.
     mean_m = np.array([1.0, 2.0, 3.0])
     difference_m = np.array([[0, 0.5, np.nan], [-0.5, 0, -1.0], [np.nan, 1.0, 0]])
-    assert c.difference_ranks(difference_m, mean_m).tolist() == [2.5, 1, 2.5]
+    assert difference_ranks(difference_m, mean_m).tolist() == [2.5, 1, 2.5]
 
 
 def refusing(own, row, families, share, difference_m, mean_m):
@@ -173,7 +177,7 @@ def refusing(own, row, families, share, difference_m, mean_m):
     inside = paired["family"].isin(families)
     paired.loc[inside & (paired["algorithm"] == row), "difference_m"] = difference_m
     paired.loc[inside & (paired["against"] == row), "difference_m"] = -difference_m
-    return c.StudyTables(**{**vars(own), "table": table, "paired": paired, "worlds": worlds})
+    return StudyTables(**{**vars(own), "table": table, "paired": paired, "worlds": worlds})
 
 
 def test_who_refuses_hard_samples_gains_nothing():
@@ -200,17 +204,17 @@ def test_data_sets_with_refusals_leave_the_ranks_and_the_answer_says_so(tmp_path
     assert group.left_out.to_dict("records") == [
         {"study": "rooms", "family": "b", "kind": "synthetic", "reason": c.REFUSED}
     ]
-    assert "left out of the ranks: 1 where a ranked row answers less than 98 %" in drawn.answer(group)
+    assert "left out of the ranks: 1 where a ranked row answers less than 98 %" in answer(group)
     assert group.summary.set_index("label").loc["mlp", "least_coverage"] == pytest.approx(0.9)
-    figures.save(drawn.draw(compared), tmp_path)
-    text = drawn.page(compared, tmp_path, {})
+    figures.save(draw(compared), tmp_path)
+    text = page(compared, tmp_path, {})
     assert "of the samples: rooms: b (synthetic)" in text
     assert "98 %<small>least 90 %</small>" in text
 
 
 def test_a_data_set_of_one_error_has_no_ranks_but_stands_on_the_page(tmp_path):
     own = study("attic", "recorded", ("g",), worlds=1)
-    alone = c.StudyTables(**{**vars(own), "table": own.table.assign(n=1)})
+    alone = StudyTables(**{**vars(own), "table": own.table.assign(n=1)})
     joined = c.compare([study(families=("a", "b", "c", "d", "e")), alone], ACCEPTED)
     lines = joined[0].lines
     here = lines[(lines["family"] == "g") & (lines["role"] == "main")]
@@ -219,18 +223,18 @@ def test_a_data_set_of_one_error_has_no_ranks_but_stands_on_the_page(tmp_path):
     group = joined[0].groups[0]
     assert len(group.ranks.rank) == 5
     assert group.left_out["reason"].tolist() == [c.ONE_SAMPLE]
-    figures.save(drawn.draw(joined), tmp_path)
-    assert 'data-set="attic/g"' in drawn.page(joined, tmp_path, {})
+    figures.save(draw(joined), tmp_path)
+    assert 'data-set="attic/g"' in page(joined, tmp_path, {})
 
 
 def test_block_is_the_largest_that_is_complete():
     present = {("s", f"{i}"): {"x", "y", "z"} for i in range(5)}
     present |= {("s", "6"): {"x", "y", "z", "w"}, ("s", "7"): {"x", "y"}, ("t", "8"): {"x", "y", "w"}}
-    block = c.complete_block(present)
+    block = complete_block(present)
     assert block.algorithms == ["x", "y", "z"]
     assert block.data_sets == [*(("s", f"{i}") for i in range(5)), ("s", "6")]
-    assert c.complete_block({("s", f"{i}"): {"x", "y"} for i in range(9)}) is None
-    assert c.complete_block({("s", f"{i}"): {"x", "y", "z"} for i in range(4)}) is None
+    assert complete_block({("s", f"{i}"): {"x", "y"} for i in range(9)}) is None
+    assert complete_block({("s", f"{i}"): {"x", "y", "z"} for i in range(4)}) is None
 
 
 @pytest.mark.parametrize(
@@ -240,12 +244,12 @@ def test_critical_difference_is_that_of_the_printed_table(algorithms, quantile):
     """The quantiles are those of Demsar (2006), Table 5a, at the level of 5 %."""
     rank = pd.DataFrame(np.random.default_rng(0).random((8, algorithms))).rank(axis=1)
     expected = quantile * np.sqrt(algorithms * (algorithms + 1) / (6 * 8))
-    assert c.mean_ranks(rank).critical_difference == pytest.approx(expected, abs=5e-3)
+    assert mean_ranks(rank).critical_difference == pytest.approx(expected, abs=5e-3)
 
 
 def test_mean_ranks_and_friedman_of_a_worked_example():
     # Four data sets in one order: chi square is 12 / (4 * 3 * 4) * (16 + 64 + 144) - 3 * 4 * 4 = 8.
-    found = c.mean_ranks(pd.DataFrame({"slow": [3.0] * 4, "good": [1.0] * 4, "fair": [2.0] * 4}))
+    found = mean_ranks(pd.DataFrame({"slow": [3.0] * 4, "good": [1.0] * 4, "fair": [2.0] * 4}))
     assert found.mean.to_dict() == {"good": 1, "fair": 2, "slow": 3}
     assert found.friedman_p == pytest.approx(np.exp(-8 / 2))
     assert found.best() == ["good"]
@@ -254,7 +258,7 @@ def test_mean_ranks_and_friedman_of_a_worked_example():
 
 @pytest.mark.filterwarnings("error")
 def test_ranks_that_are_equal_everywhere_tell_no_difference():
-    found = c.mean_ranks(pd.DataFrame({name: [2.0] * 5 for name in ("x", "y", "z")}))
+    found = mean_ranks(pd.DataFrame({name: [2.0] * 5 for name in ("x", "y", "z")}))
     assert found.friedman_p == 1
     assert found.best() == ["x", "y", "z"]
     assert found.unlike_best() == []
@@ -282,7 +286,7 @@ def test_studies_stand_together_where_their_algorithms_meet():
     apart = study("tower", rows=("mlp", "mine"))
     near = study("attic", rows=("wknn", "knn"), families=("a",))
     alone = study("cellar", rows=("wknn",), families=("a",))
-    far = c.StudyTables(
+    far = StudyTables(
         **{**vars(apart), "entries": {r: {**ENTRIES[r], "use": f"x_{r}"} for r in apart.entries}}
     )
     groups = c.compare([near, far, study(), alone], ACCEPTED)[0].groups
@@ -293,7 +297,7 @@ def test_one_name_for_two_algorithms_is_two_rows_and_other_settings_are_told():
     other = study("attic", rows=("wknn", "knn", "mlp"), families=("a",))
     entries = {**other.entries, "mlp": {**ENTRIES["mlp"], "use": "deep"}}
     entries["knn"] = {**ENTRIES["knn"], "parameters": {"k": 2}}
-    group = c.compare([study(), c.StudyTables(**{**vars(other), "entries": entries})], ACCEPTED)[0].groups[0]
+    group = c.compare([study(), StudyTables(**{**vars(other), "entries": entries})], ACCEPTED)[0].groups[0]
     summary = group.summary.set_index("label")
     assert {"mlp (mlp)", "mlp (deep)"} <= set(summary.index)
     assert summary["unlike_settings"].to_dict()["knn"]
@@ -317,7 +321,7 @@ def test_rows_that_did_not_run_are_told_with_their_reason_and_counted_nowhere():
         None,
     ]
     worlds = own.worlds[~((own.worlds["algorithm"] == "mlp") & (own.worlds["family"] == "a"))]
-    task = c.compare([c.StudyTables(**{**vars(own), "table": table, "worlds": worlds})], ACCEPTED)[0]
+    task = c.compare([StudyTables(**{**vars(own), "table": table, "worlds": worlds})], ACCEPTED)[0]
     line = task.lines.set_index(["family", "algorithm"]).loc[("a", "mlp")]
     assert (line["note"], line["worlds"]) == ("too big", 0)
     assert np.isnan(line["rank"])
@@ -327,13 +331,13 @@ def test_rows_that_did_not_run_are_told_with_their_reason_and_counted_nowhere():
 def test_a_study_without_errors_is_told_and_compared_with_nothing(tmp_path):
     own = study(families=("a",))
     table = own.table.assign(note="nobody knows the true places here", worlds=None, n=None)
-    silent = c.StudyTables(
+    silent = StudyTables(
         **{**vars(own), "table": table, "worlds": own.worlds.iloc[:0], "paired": own.paired[:0]}
     )
     compared = c.compare([silent], ACCEPTED)
     assert compared[0].groups == []
-    figures.save(drawn.draw(compared), tmp_path)
-    assert "nobody knows the true places here" in drawn.page(compared, tmp_path, {})
+    figures.save(draw(compared), tmp_path)
+    assert "nobody knows the true places here" in page(compared, tmp_path, {})
 
 
 @pytest.mark.parametrize(
@@ -341,7 +345,7 @@ def test_a_study_without_errors_is_told_and_compared_with_nothing(tmp_path):
     [(0.5, 2000, 3, [1, 100]), (0.9, 12, 5, [1, 10]), (2.1, 7, 5, [3, 4, 5, 6, 7]), (2.31, 2.34, 5, [2.32])],
 )
 def test_axes_have_few_round_numbers(low, high, most, ticks):
-    assert drawn._decades(low, high, most) == pytest.approx(ticks)
+    assert _decades(low, high, most) == pytest.approx(ticks)
 
 
 class Page(HTMLParser):
@@ -427,27 +431,27 @@ def test_recordings_of_one_collection_are_one_source_and_worlds_and_samples_stan
         # As of one recording of several samples each.
         own.paired[["unit", "n", "low_m", "high_m"]] = ["sample", 9, 1.0, 2.0]
     sources = {halls.study: {"h": "one", "a": "two"}, attic.study: {"a": "one", "t": "one"}}
-    studies = [c.StudyTables(**{**vars(own), "sources": sources[own.study]}) for own in (halls, attic)]
+    studies = [StudyTables(**{**vars(own), "sources": sources[own.study]}) for own in (halls, attic)]
     compared = c.compare([made, *studies], ACCEPTED)
     group = compared[0].groups[0]
     assert (len(group.ranks.rank), group.sources) == (7, 3)
     units = group.outcomes.set_index(["label", "against", "unit"])
     assert units.loc[("mine", "mlp", "world")].tolist() == [3, 0, 3]
     assert units.loc[("mine", "mlp", "sample")].tolist() == [0, 4, 4]
-    figures.save(drawn.draw(compared), tmp_path)
-    text = drawn.page(compared, tmp_path, {})
+    figures.save(draw(compared), tmp_path)
+    text = page(compared, tmp_path, {})
     for unit in ("worlds", "samples"):
         assert f"<caption><span>Data sets decided over {unit}: " in text
     assert "0:4<small>of 4</small>" in text
     # In the matrix over samples, in that of each of the four recordings, and under "paired difference".
-    assert text.count(drawn.TOO_NARROW) == 6
+    assert text.count(TOO_NARROW) == 6
     assert "These 7 are of 3 sources" in text
 
 
 def test_equal_inputs_give_equal_bytes(compared, built, tmp_path):
     folder, text = built
-    figures.save(drawn.draw(compared), tmp_path)
-    assert drawn.page(compared, tmp_path, {"commit": "abc"}).splitlines()[:200] == text.splitlines()[:200]
+    figures.save(draw(compared), tmp_path)
+    assert page(compared, tmp_path, {"commit": "abc"}).splitlines()[:200] == text.splitlines()[:200]
     names = sorted(path.name for path in folder.iterdir())
     assert names == sorted(path.name for path in tmp_path.iterdir())
     assert all((folder / name).read_bytes() == (tmp_path / name).read_bytes() for name in names)
@@ -455,28 +459,26 @@ def test_equal_inputs_give_equal_bytes(compared, built, tmp_path):
 
 def test_too_few_data_sets_have_no_rank_drawing():
     compared = c.compare([study(families=("a",))], ACCEPTED)
-    assert [item.name for item in drawn.draw(compared)] == ["fingerprinting_times"]
-    assert "paired differences decide" in drawn.answer(compared[0].groups[0])
+    assert [item.name for item in draw(compared)] == ["fingerprinting_times"]
+    assert "paired differences decide" in answer(compared[0].groups[0])
 
 
 def test_algorithms_that_are_equal_everywhere_share_the_lowest_rank():
     own = study(families=("a", "b", "c", "d", "e"))
     table, paired = own.table.assign(mean_m=2.0), own.paired.assign(difference_m=0.0)
     worlds = own.worlds.assign(mean_m=2.0)
-    alike = c.StudyTables(**{**vars(own), "table": table, "paired": paired, "worlds": worlds})
+    alike = StudyTables(**{**vars(own), "table": table, "paired": paired, "worlds": worlds})
     group = c.compare([alike], ACCEPTED)[0].groups[0]
     assert group.summary["won_share"].tolist() == pytest.approx([0.25] * 4)
-    assert drawn.answer(group).startswith(
-        "Lowest mean rank over 5 data sets: knn, mine, mlp and wknn (2.5 of 4). "
-    )
-    assert "p = 1;" in drawn.reservation(group)
+    assert answer(group).startswith("Lowest mean rank over 5 data sets: knn, mine, mlp and wknn (2.5 of 4). ")
+    assert "p = 1;" in reservation(group)
 
 
 @pytest.mark.parametrize(
     ("share", "told"), [(1.0, "100 %"), (0.9999, "99 %"), (0.29, "29 %"), (np.nan, "\N{EN DASH}")]
 )
 def test_only_all_samples_are_a_hundred_per_cent(share, told):
-    assert drawn.answered(share) == told
+    assert answered(share) == told
 
 
 @pytest.mark.parametrize(
@@ -484,7 +486,7 @@ def test_only_all_samples_are_a_hundred_per_cent(share, told):
     [(12.3, "12 s"), (0.99, "1.0 s"), (0.0123, "12 ms"), (2e-6, "2.0 µs"), (np.nan, "\N{EN DASH}")],
 )
 def test_run_times_have_two_digits(seconds, told):
-    assert drawn.duration(seconds) == told
+    assert duration(seconds) == told
 
 
 def test_the_list_of_algorithms_names_rows_of_the_configuration_once():

@@ -20,11 +20,12 @@ import pandas as pd
 import pytest
 import yaml
 from conftest import ROOT, Project, make_project
-from planning.config import CONTEXT, resolve
+from planning.config import resolve
+from planning.entries import CONTEXT
 
 from positioning.errors import InputError
 from positioning.evaluation.claims import COLUMNS, VERDICTS, quantities
-from positioning.evaluation.comparison import COLUMNS as COMPARISON
+from positioning.evaluation.comparison_lines import COLUMNS as COMPARISON
 from positioning.evaluation.measures import MEASURES, PAIRED, TABLE
 from positioning.files import read_yaml, write_tree
 from positioning.filters.plane import with_leading_axis
@@ -433,6 +434,7 @@ def test_every_protocol_and_adapter_is_explained() -> None:
         "__init__",
         "register",
         "csv_table",
+        "mat_file",
     }
     assert {line[0].strip("`") for line in adapters[1:]} == modules
     for line in adapters[1:]:

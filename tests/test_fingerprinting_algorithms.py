@@ -196,14 +196,25 @@ def test_leave_one_out_equals_explicit_refits(name: str) -> None:
     np.testing.assert_allclose(shortcut, refit(make(name), RSS, POSITION, range(COUNT)), atol=1e-8, rtol=0)
 
 
-@pytest.mark.parametrize("name", ["mlp", "svm"])
+@pytest.mark.parametrize("name", [n for n in NAMES if hasattr(algorithm_class(n), "leave_one_out")])
 def test_leave_one_out_leaves_what_was_learned(name: str) -> None:
     algorithm = make(name)
     algorithm.leave_one_out(RSS, POSITION)
     with pytest.raises(NotFittedError, match="not fitted yet"):
         algorithm.predict(RSS)
     before = algorithm.fit(RSS, POSITION).predict(RSS)
-    # Another survey, with fewer access points and places.
+    learned = dict(vars(algorithm))
+    # Another survey, of fewer places.
+    algorithm.leave_one_out(RSS[:40], POSITION[:40])
+    np.testing.assert_array_equal(algorithm.predict(RSS), before)
+    assert vars(algorithm).keys() == learned.keys()
+    assert all(vars(algorithm)[key] is value for key, value in learned.items())
+
+
+@pytest.mark.parametrize("name", ["expected_deviation", "knn", "mlp", "rbf_network", "svm", "wknn"])
+def test_leave_one_out_of_fewer_access_points_leaves_what_was_learned(name: str) -> None:
+    algorithm = make(name)
+    before = algorithm.fit(RSS, POSITION).predict(RSS)
     algorithm.leave_one_out(RSS[:30, :3], POSITION[:30])
     np.testing.assert_array_equal(algorithm.predict(RSS), before)
     with pytest.raises(InputError, match="one column for each access point"):

@@ -17,15 +17,9 @@ from algorithms.tracking.flight_inertial import FlightInertial
 from algorithms.tracking.flight_slam import FlightSlam
 from algorithms.tracking.flight_wlpf import FlightWlpf
 from positioning.errors import InputError
-from positioning.inertial.flight_filter import FlightFilter
-from positioning.inertial.geodetic import (
-    attitude_of,
-    position_scale_m,
-    readings,
-    roll_pitch_yaw,
-    to_local,
-    travelled,
-)
+from positioning.inertial.flight_settings import FlightFilter
+from positioning.inertial.geodetic import attitude_of, position_scale_m, roll_pitch_yaw, to_local
+from positioning.inertial.geodetic_strapdown import readings, travelled
 from positioning.inertial.gps import antenna
 from positioning.inertial.landmarks import from_sensor_m, sighting_of
 from positioning.model import Array, Recording, Site, Track, Truth

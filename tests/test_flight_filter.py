@@ -7,18 +7,13 @@ import numpy as np
 import pytest
 
 from positioning.errors import InputError
-from positioning.inertial import flight_filter
-from positioning.inertial.flight_filter import FlightFilter, FlightNavigation, check_flight, navigate_flight
-from positioning.inertial.geodetic import (
-    attitude_of,
-    flat_transition,
-    position_scale_m,
-    readings,
-    roll_pitch_yaw,
-    to_geodetic,
-    to_local,
-    travelled,
-)
+from positioning.inertial import flight_filter, flight_plan
+from positioning.inertial.flight_checks import check_flight
+from positioning.inertial.flight_filter import FlightNavigation, navigate_flight
+from positioning.inertial.flight_settings import FlightFilter
+from positioning.inertial.geodetic import attitude_of, position_scale_m, roll_pitch_yaw, to_geodetic, to_local
+from positioning.inertial.geodetic_error_state import flat_transition
+from positioning.inertial.geodetic_strapdown import readings, travelled
 from positioning.inertial.gps import antenna, observation_matrix
 from positioning.inertial.landmarks import from_sensor_m, sighting_of
 from positioning.inertial.strapdown import rotation, rotation_vector
@@ -273,15 +268,16 @@ def test_shortcuts_change_nothing_but_the_rounding(
     np.testing.assert_allclose(rough.position_m, found.position_m, atol=2e-5)
     np.testing.assert_allclose(rough.height_m, found.height_m, atol=2e-4)
     # Readings and sightings one after the other, and shared covariances moved in every step.
-    propagate = flight_filter._Run._propagate
+    propagate = flight_filter.FlightRun._propagate
 
     def at_once(self: Any, *arguments: Any) -> None:
         propagate(self, *arguments)
         self._settle(np.arange(self.worlds))
 
-    monkeypatch.setattr(flight_filter, "_TOGETHER", 1)
+    for module in (flight_plan, flight_filter):
+        monkeypatch.setattr(module, "SIGHTINGS_TOGETHER", 1)
     monkeypatch.setattr(flight_filter, "_AT_ONCE", 1)
-    monkeypatch.setattr(flight_filter._Run, "_propagate", at_once)
+    monkeypatch.setattr(flight_filter.FlightRun, "_propagate", at_once)
     plain = navigate_flight(recording, site, settings)
     assert found.degrees_of_freedom["sighting"].min() > 300
     np.testing.assert_array_equal(found.degrees_of_freedom["sighting"], plain.degrees_of_freedom["sighting"])
@@ -299,14 +295,14 @@ def test_shortcuts_change_nothing_but_the_rounding(
 def seen_by(monkeypatch: pytest.MonkeyPatch, recording: Recording, site: Site, settings: FlightFilter) -> Any:
     """Return the matrices and the innovations of the GPS readings, [k, r, ...], of the filter itself."""
     seen: list[tuple[Any, Any]] = []
-    take = flight_filter._Run._take
+    take = flight_filter.FlightRun._take
 
     def taken(self: Any, kind: str, world: Any, observed: Any, innovation: Any, variance: Any) -> Any:
         seen.append((np.array(observed), np.array(innovation)))
         return take(self, kind, world, observed, innovation, variance)
 
     with monkeypatch.context() as patch:
-        patch.setattr(flight_filter._Run, "_take", taken)
+        patch.setattr(flight_filter.FlightRun, "_take", taken)
         navigate_flight(recording, site, settings)
     return tuple(np.array(part) for part in zip(*seen, strict=True))
 

@@ -9,22 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from positioning.errors import InputError
-from positioning.inertial.foot import (
-    Fixes,
-    FootFilter,
-    FootNavigation,
-    Start,
-    Steps,
-    aligned,
-    check_imu,
-    foot_navigation,
-    imu_missing,
-    late_alignment,
-    misalignment_rad,
-    rests,
-    sample_rate_hz,
-    steps,
-)
+from positioning.inertial.foot import FootNavigation, Start, foot_navigation
+from positioning.inertial.foot_alignment import late_alignment, rests
+from positioning.inertial.foot_checks import check_imu, imu_missing, sample_rate_hz
+from positioning.inertial.foot_plan import Fixes
+from positioning.inertial.foot_settings import FootFilter
+from positioning.inertial.foot_steps import Steps, aligned, misalignment_rad, steps
 from positioning.inertial.strapdown import GRAVITY_M_PER_S2, attitude_of, readings
 from positioning.model import Array, Recording, Site
 

@@ -22,7 +22,8 @@ from algorithms.tracking.foot_inertial import FootInertial
 from algorithms.tracking.foot_joint_filter import FootJointFilter
 from positioning.errors import InputError
 from positioning.fingerprint_fixes import best_of_three, fingerprint_fixes
-from positioning.inertial.foot import FootFilter, Steps
+from positioning.inertial.foot_settings import FootFilter
+from positioning.inertial.foot_steps import Steps
 from positioning.inertial.strapdown import attitude_of, readings
 from positioning.model import Array, Calibration, Recording, Site, Survey, Track, Truth
 from positioning.registry import class_name
@@ -999,8 +1000,22 @@ def test_an_alignment_in_the_second_half_is_a_reason_to_skip(tracks: dict[str, T
     assert re.search(r"the first rest of 0.1 s begins at \d+\.\d s of \d+\.\d s", reason)
     assert "lower alignment_s, or take another detector" in reason
     # Nobody else's detector counts for who knows the stances.
-    control = make("control_known_stances", truth=WALK.truth.at(0))
+    control = make("control_known_stances", truth=WALK.truth.at(0), inertial=FootInertial(alignment_s=0.1))
     assert control.skip(restless, None, WALK.site.at(0)) == ""
+    assert control.skip(restless, WALK.survey.at(0), WALK.site.at(0)) == ""
+    # Who finds the steps with a filter of its own starts as late, but not who takes those of another row.
+    given = restless, WALK.survey.at(0), WALK.site.at(0)
+    for name in ("foot_cascaded_filter", "foot_joint_filter", "foot_particle_filter"):
+        algorithm = make(name, inertial=FootInertial(alignment_s=0.1))
+        assert algorithm.skip(*given) == reason
+        with pytest.raises(InputError, match=r"the first rest of 0\.1 s begins at"):
+            algorithm.track(*given, rngs()[0])
+    extra = tracks["foot_inertial"].extra
+    found = replace(restless, **{name: extra[name][0] for name in extra if name.startswith("step_")})
+    for name in ("foot_cascaded_filter", "foot_particle_filter"):
+        algorithm = make(name, inertial=FootInertial(alignment_s=0.1))
+        assert algorithm.skip(found, *given[1:]) == ""
+        assert np.isfinite(algorithm.track(found, *given[1:], rngs()[0]).position_m).any()
 
 
 def test_a_row_that_was_skipped_hands_no_steps_on() -> None:

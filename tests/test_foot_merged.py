@@ -8,16 +8,11 @@ import pytest
 from algorithms.tracking import foot_inertial
 from algorithms.tracking.foot_inertial import FootInertial
 from positioning.inertial.error_state import ErrorStateFilter, ProcessNoise, increments
-from positioning.inertial.foot import (
-    Fixes,
-    FootFilter,
-    FootNavigation,
-    Start,
-    foot_navigation,
-    misalignment_rad,
-    rests,
-    steps,
-)
+from positioning.inertial.foot import FootNavigation, Start, foot_navigation
+from positioning.inertial.foot_alignment import rests
+from positioning.inertial.foot_plan import Fixes
+from positioning.inertial.foot_settings import FootFilter
+from positioning.inertial.foot_steps import misalignment_rad, steps
 from positioning.inertial.merged import Merged, merge
 from positioning.inertial.strapdown import rotation
 from positioning.model import Recording

@@ -17,22 +17,20 @@ from positioning.inertial.earth import (
     normal_radius_m,
 )
 from positioning.inertial.geodetic import (
-    Strapdown,
     attitude_of,
-    error_dynamics,
-    fill_metric_error_dynamics,
-    flat_transition,
-    navigate,
-    noise_input,
     position_scale_m,
-    readings,
     roll_pitch_yaw,
     surroundings,
     to_geodetic,
     to_local,
-    together,
-    travelled,
 )
+from positioning.inertial.geodetic_error_state import (
+    error_dynamics,
+    fill_metric_error_dynamics,
+    flat_transition,
+    noise_input,
+)
+from positioning.inertial.geodetic_strapdown import Strapdown, navigate, readings, together, travelled
 from positioning.inertial.strapdown import cross_matrix, rotation_vector
 
 SEEDS = st.integers(0, 10_000)

@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 import yaml
 from conftest import ROOT, SMALL
+from planning.checks import check_schema
 from planning.code import code_of, constructor_choices, constructor_parameters, fits, methods
-from planning.config import algorithm_files, check_schema, resolve
+from planning.config import resolve
+from planning.entries import algorithm_files
 from planning.recordings import drop_absent, files_of
 
 from positioning.errors import InputError

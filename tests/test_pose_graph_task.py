@@ -19,8 +19,9 @@ from positioning.errors import InputError
 from positioning.evaluation.measures import MEASURES, NO_ANSWER, NO_TRUTH, paired, table
 from positioning.evaluation.studies.posegraph_real import NEAR, measures
 from positioning.geometry import rotated
+from positioning.posegraph.costs import NearCost
 from positioning.posegraph.graph import PoseGraph, Solved
-from positioning.posegraph.optimiser import NearCost, cost, optimise
+from positioning.posegraph.optimiser import cost, optimise
 from positioning.posegraph.residuals import motion_residual, move, relative_pose, wrap
 from positioning.posegraph.rotations import rotations_first
 from positioning.registry import class_name

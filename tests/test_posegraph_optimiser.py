@@ -13,23 +13,13 @@ from scipy.optimize import least_squares
 
 from positioning.errors import InputError
 from positioning.model import Array
-from positioning.posegraph import optimiser
+from positioning.posegraph import normal_equations, optimiser
+from positioning.posegraph.costs import COSTS, LOSSES, Cost, Loss, NearCost
 from positioning.posegraph.g2o import read
 from positioning.posegraph.graph import PoseGraph
-from positioning.posegraph.optimiser import (
-    COSTS,
-    FRAMES,
-    LOSSES,
-    Cost,
-    Frame,
-    Loss,
-    NearCost,
-    Optimised,
-    _Problem,
-    cost,
-    optimise,
-)
+from positioning.posegraph.optimiser import FRAMES, Frame, Optimised, cost, optimise
 from positioning.posegraph.preconditioner import _knots, number_of_knots
+from positioning.posegraph.problem import Problem
 from positioning.posegraph.residuals import (
     MOTION_INFORMATION,
     motion_residual,
@@ -189,7 +179,7 @@ def test_an_independent_solver_finds_no_less(kind: Cost, seed: int) -> None:
     assert found.cost < 0.9 * found.cost_start
 
 
-def difference_gradient(problem: _Problem, pose: Array, width: float = 1e-5) -> Array:
+def difference_gradient(problem: Problem, pose: Array, width: float = 1e-5) -> Array:
     """Return the slope of the minimised cost along each coordinate of each free pose, by differences."""
     unit = np.eye(3 * len(problem.free))
     there, back = (
@@ -208,7 +198,7 @@ def test_the_gradient_is_the_slope_of_the_cost_and_vanishes_where_it_stops(
     graph = walks(seed)
     graph = replace(graph, loop=np.arange(len(graph.motion)) % 3 == 0)
     near = NearCost(weight=3.0, cost=kind, loss=loss if kind == "squared" else None, rounding=0.1, d_min_m=0)
-    problem = _Problem(graph, near, loss, 0.2)
+    problem = Problem(graph, near, loss, 0.2)
     gradient, _ = problem.normal_equations(graph.pose)
     size = np.abs(gradient).max()
     np.testing.assert_allclose(difference_gradient(problem, graph.pose), gradient, atol=1e-5 * size)
@@ -244,13 +234,13 @@ def long_walks() -> tuple[PoseGraph, NearCost]:
 
 def test_a_graph_that_fills_up_has_the_same_minimum(monkeypatch: pytest.MonkeyPatch) -> None:
     graph, near = long_walks()
-    problem = _Problem(graph, near, None, 1.0)
+    problem = Problem(graph, near, None, 1.0)
     assert problem.pattern._near_inverse is not None
     gradient, hessian = problem.normal_equations(graph.pose)
     iterated, promised = problem.step(graph.pose, gradient, hessian, 1e-3)
     found = optimise(graph, near=near, tolerance=1e-10)
-    monkeypatch.setattr(optimiser, "_HEAVY", np.inf)
-    direct = _Problem(graph, near, None, 1.0)
+    monkeypatch.setattr(normal_equations, "_HEAVY", np.inf)
+    direct = Problem(graph, near, None, 1.0)
     assert direct.pattern._near_inverse is None
     step, expected = direct.step(graph.pose, *direct.normal_equations(graph.pose), 1e-3)
     # Iterations end where the error is a thousandth as the curvature weighs it.
@@ -266,20 +256,22 @@ def test_a_graph_that_fills_up_has_the_same_minimum(monkeypatch: pytest.MonkeyPa
 
 def test_iterations_that_fail_leave_it_to_a_factor(monkeypatch: pytest.MonkeyPatch) -> None:
     graph, near = long_walks()
-    problem = _Problem(graph, near, None, 1.0)
+    problem = Problem(graph, near, None, 1.0)
     assert problem.pattern._near_inverse is not None
     gradient, hessian = problem.normal_equations(graph.pose)
     expected, _ = problem.step(graph.pose, gradient, hessian, 1e-3)
     calls = []
     for name in ("splu", "_conjugate_gradients"):
-        called = getattr(optimiser, name)
+        called = getattr(normal_equations, name)
         monkeypatch.setattr(
-            optimiser, name, lambda *a, _of=called, _name=name, **k: calls.append(_name) or _of(*a, **k)
+            normal_equations,
+            name,
+            lambda *a, _of=called, _name=name, **k: calls.append(_name) or _of(*a, **k),
         )
     iterated, _ = problem.step(graph.pose, gradient, hessian, 1e-3)
     assert calls == ["_conjugate_gradients"]
     np.testing.assert_array_equal(iterated, expected)
-    monkeypatch.setattr(optimiser, "_CG_ITERATIONS", 1)
+    monkeypatch.setattr(normal_equations, "_CG_ITERATIONS", 1)
     factored = []
     # With the coarse problem of before and then with one of its own; with the latter alone.
     for tries in (2, 1):
@@ -301,8 +293,8 @@ def test_a_graph_with_many_knots_is_left_to_a_factor() -> None:
         **{name: place[getattr(graph, name)] for name in ends},
     )
     # No pose follows upon the one before: each would be a knot of a dense problem.
-    assert _Problem(mixed, near, None, 1.0).pattern._near_inverse is None
-    assert _Problem(graph, near, None, 1.0).pattern._near_inverse is not None
+    assert Problem(mixed, near, None, 1.0).pattern._near_inverse is None
+    assert Problem(graph, near, None, 1.0).pattern._near_inverse is not None
     found = optimise(mixed, near=near, tolerance=1e-10)
     assert found.cost == pytest.approx(optimise(graph, near=near, tolerance=1e-10).cost, rel=1e-7)
 
@@ -316,7 +308,7 @@ def test_knots_are_counted_as_they_are_made(share: float) -> None:
 
 def test_a_held_frame_stays_while_the_search_goes_on() -> None:
     graph, near = walks(1), NearCost(weight=1.0, d_max_m=100.0)
-    problem = _Problem(graph, near, None, 1.0)
+    problem = Problem(graph, near, None, 1.0)
     assert not np.isin(np.flatnonzero(graph.fixed), problem.free).any()
     step, _ = problem.step(graph.pose, *problem.normal_equations(graph.pose), optimiser._FIRST_DAMPING)
     held = optimise(graph, near=near, frame="held", iterations=1)
@@ -407,8 +399,8 @@ def test_a_walk_that_hangs_by_flat_edges_keeps_its_place(
 def test_a_walk_within_reach_once_the_first_pose_is_back_is_found() -> None:
     # With a free frame the first two walks meet half way, 33 m from the third: flat. Put back, 22 m are left.
     graph, near = three_lines(np.array([0.0, -20.0]))
-    whole, free = optimiser._Problem(graph, near, None, 1.0), optimiser._with_free_frames(graph)
-    problem = optimiser._Problem(free, near, None, 1.0)
+    whole, free = Problem(graph, near, None, 1.0), optimiser._with_free_frames(graph)
+    problem = Problem(free, near, None, 1.0)
     half_way = optimiser._search(problem, graph.pose, whole.cost(graph.pose), 100, 1e-6)[0]
     assert np.linalg.norm((half_way[40:80] - half_way[80:])[:, :2], axis=-1).min() > near.d_max_m
     for frame in FRAMES:

@@ -18,7 +18,8 @@ from positioning.evaluation.studies import foot_real
 from positioning.files import read_yaml
 from positioning.filters.plane import check_stack
 from positioning.geometry import rigid_fit, rotated
-from positioning.inertial.foot import FootFilter, foot_navigation
+from positioning.inertial.foot import foot_navigation
+from positioning.inertial.foot_settings import FootFilter
 from positioning.model import Recording, Site
 from positioning.recordings import foot_imu_corridor, foot_imu_loop, foot_imu_mocap, phone_wifi_imu_library
 from positioning.recordings.foot_imu_corridor import LEAST_SWING_S, stances
@@ -444,9 +445,17 @@ def test_mocap_damaged_files_are_named(tmp_path, changes, message):
         foot_imu_mocap.load(tmp_path)
 
 
-def test_mocap_a_damaged_container_is_named(tmp_path):
-    (tmp_path / f"{foot_imu_mocap.NAMES[0]}.mat").write_bytes(b"no such thing" * 20)
-    with pytest.raises(InputError, match=r"11-22-03\.mat: .*cannot be read"):
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"no such thing" * 20, "Unknown mat file type"),
+        (b"", "truncated"),
+        (b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(400), r"MATLAB's version 7\.3"),
+    ],
+)
+def test_mocap_a_damaged_container_is_named(tmp_path, content, message):
+    (tmp_path / f"{foot_imu_mocap.NAMES[0]}.mat").write_bytes(content)
+    with pytest.raises(InputError, match=rf"11-22-03\.mat: .*cannot be read .*{message}"):
         foot_imu_mocap.load(tmp_path)
 
 

@@ -14,18 +14,8 @@ from algorithms.tracking.riss import Riss
 from positioning.errors import InputError
 from positioning.filters.plane import with_leading_axis
 from positioning.inertial.earth import EARTH_RATE_RAD_PER_S, meridian_radius_m, normal_radius_m
-from positioning.inertial.riss import (
-    Increments,
-    Mechanised,
-    check_motion,
-    downsample,
-    first_rest,
-    increments,
-    mechanise,
-    motion_missing,
-    move,
-    readings,
-)
+from positioning.inertial.riss import Increments, Mechanised, increments, mechanise, move
+from positioning.inertial.riss_readings import check_motion, downsample, first_rest, motion_missing, readings
 from positioning.model import Array, Recording, Site, Track, Truth
 
 LATITUDE_RAD = np.deg2rad(44.23)

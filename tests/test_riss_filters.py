@@ -15,7 +15,7 @@ from algorithms.tracking.riss_mixture_filter import RissMixtureFilter
 from algorithms.tracking.riss_particle_filter import RissParticleFilter
 from positioning.errors import InputError
 from positioning.fingerprint_fixes import fingerprint_fixes
-from positioning.inertial.riss import downsample
+from positioning.inertial.riss_readings import downsample
 from positioning.model import Array, Recording, Site, Survey, Track, Truth
 from positioning.registry import class_name
 from positioning.tasks import tracking

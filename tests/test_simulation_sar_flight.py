@@ -15,7 +15,8 @@ from scipy.stats import kstest, norm
 
 from positioning.errors import InputError
 from positioning.geometry import pairwise_distance_m
-from positioning.inertial.geodetic import attitude_of, navigate, position_scale_m, to_local
+from positioning.inertial.geodetic import attitude_of, position_scale_m, to_local
+from positioning.inertial.geodetic_strapdown import navigate
 from positioning.model import Recording, Site
 from positioning.seeds import stream
 from positioning.simulation.flight import Lap

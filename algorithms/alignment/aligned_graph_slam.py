@@ -7,7 +7,8 @@ import numpy as np
 from algorithms.alignment.graph_slam import Extra, GraphSlam
 from algorithms.alignment.ransac_alignment import RansacAlignment
 from positioning.model import Array
-from positioning.posegraph.optimiser import Cost, Frame, Loss
+from positioning.posegraph.costs import Cost, Loss
+from positioning.posegraph.optimiser import Frame
 from positioning.walk_alignment import Placing, Poses, moved, placed_by
 
 

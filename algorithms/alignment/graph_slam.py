@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from positioning.errors import InputError, check_number, check_whole
 from positioning.model import Aligned, Array, Walks
+from positioning.posegraph.costs import Cost, Loss, NearCost
 from positioning.posegraph.graph import PoseGraph
-from positioning.posegraph.optimiser import FRAMES, Cost, Frame, Loss, NearCost, optimise
+from positioning.posegraph.optimiser import FRAMES, Frame, optimise
 from positioning.walk_alignment import Poses, in_reference_frame, motion_graph, poses_of, wifi_pairs
 
 Extra = dict[str, NDArray[np.generic]]

@@ -13,8 +13,8 @@ from algorithms.alignment.aligned_graph_slam import AlignedGraphSlam
 from algorithms.alignment.graph_slam import Minimum
 from positioning.errors import InputError, Reason, check_whole, refusal
 from positioning.model import Aligned, Array, Walks
+from positioning.posegraph.costs import NearCost
 from positioning.posegraph.graph import PoseGraph
-from positioning.posegraph.optimiser import NearCost
 from positioning.walk_alignment import Placing, Poses
 
 

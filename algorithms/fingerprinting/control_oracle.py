@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 from scipy.special import log_ndtr
 
 from positioning.errors import InputError
+from positioning.estimator import clone
 from positioning.fingerprints import FingerprintRegressor
 from positioning.model import Array, Site, Survey, Truth
 
@@ -96,9 +97,9 @@ class ControlOracle(FingerprintRegressor):
         """Return the estimate of each fingerprint, [n, 2], metres.
 
         See Mirzababaei & Akbari, Table 1. Nothing is left out: the tested place is one of those
-        that the oracle knows of. Parameters as in `fit`.
+        that the oracle knows of. Parameters as in `fit`, whose places stay as they are.
         """
-        return self.fit(rss_dbm, position_m).predict(rss_dbm)
+        return clone(self).fit(rss_dbm, position_m).predict(rss_dbm)
 
 
 def log_probability_between(lower: Array, upper: Array) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from positioning.errors import InputError
+from positioning.estimator import clone
 from positioning.fingerprints import FingerprintRegressor, fill_not_heard
 from positioning.model import Array
 
@@ -82,7 +83,8 @@ class ExpectedDeviation(FingerprintRegressor):
 
         See Frank et al., eq. 1.
         """
-        return np.asarray(self.position_m_[np.argmin(self.deviation_db(rss_dbm), axis=1)])
+        nearest = np.argmin(self.deviation_db(rss_dbm), axis=1)
+        return np.asarray(self.position_m_[nearest])
 
     def deviation_db(self, rss_dbm: ArrayLike) -> Array:
         """Return how far scans [m, ap], dBm, are from every calibration point, D_p, [m, p], dB.
@@ -100,16 +102,17 @@ class ExpectedDeviation(FingerprintRegressor):
     def leave_one_out(self, rss_dbm: ArrayLike, position_m: ArrayLike) -> Array:
         """Return the place of each scan with its calibration point left out, [n, 2], metres.
 
-        Parameters and errors as in `fit`; with one place only there is no other to answer.
+        Parameters and errors as in `fit`, whose points stay as they are; with one place only there is no
+        other to answer.
         """
-        self.fit(rss_dbm, position_m)
-        if len(self.position_m_) < 2:
+        fitted = clone(self).fit(rss_dbm, position_m)
+        if len(fitted.position_m_) < 2:
             raise InputError(
                 "training survey", "it has a single place, which cannot be left out", "Survey more places"
             )
-        deviation_db = self.deviation_db(rss_dbm)
-        deviation_db[np.arange(len(deviation_db)), self.point_] = np.inf
-        return np.asarray(self.position_m_[np.argmin(deviation_db, axis=1)])
+        deviation_db = fitted.deviation_db(rss_dbm)
+        deviation_db[np.arange(len(deviation_db)), fitted.point_] = np.inf
+        return np.asarray(fitted.position_m_[np.argmin(deviation_db, axis=1)])
 
     def _mean_deviation_db(self, number: int, value_dbm: Array) -> Array:
         """Return the part of one access point for different readings [v], [v, p], dB."""

@@ -5,6 +5,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from positioning.estimator import clone
 from positioning.fingerprints import (
     FingerprintRegressor,
     fill_not_heard,
@@ -73,9 +74,9 @@ class Knn(FingerprintRegressor):
     def leave_one_out(self, rss_dbm: ArrayLike, position_m: ArrayLike) -> Array:
         """Return the estimate of each fingerprint with its reference point left out, [n, 2], metres.
 
-        See Mirzababaei & Akbari, section 6. Parameters as in `fit`.
+        See Mirzababaei & Akbari, section 6. Parameters as in `fit`, whose survey stays as it is.
         """
-        self.fit(rss_dbm, position_m)
-        distance_db = signal_distance_db(self.rss_dbm_, self.rss_dbm_)
-        nearest = nearest_members(distance_db, self.k, training_members(self.position_m_))
-        return np.asarray(self.position_m_[nearest].mean(axis=1))
+        fitted = clone(self).fit(rss_dbm, position_m)
+        distance_db = signal_distance_db(fitted.rss_dbm_, fitted.rss_dbm_)
+        nearest = nearest_members(distance_db, self.k, training_members(fitted.position_m_))
+        return np.asarray(fitted.position_m_[nearest].mean(axis=1))

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from positioning.errors import InputError
+from positioning.estimator import clone
 from positioning.fingerprints import (
     FingerprintRegressor,
     Index,
@@ -110,13 +111,12 @@ class KnnSoftmax(FingerprintRegressor):
     def leave_one_out(self, rss_dbm: ArrayLike, position_m: ArrayLike) -> Array:
         """Return the estimate of each fingerprint with its reference point left out, [n, 2], metres.
 
-        See Mirzababaei & Akbari, section 6. Parameters as in `fit`.
+        See Mirzababaei & Akbari, section 6. Parameters as in `fit`, whose survey stays as it is.
         """
-        self.fit(rss_dbm, position_m)
-        distance_db = signal_distance_db(self.rss_dbm_, self.rss_dbm_)
-        return self._average(
-            distance_db, nearest_members(distance_db, self.k, training_members(self.position_m_))
-        )
+        fitted = clone(self).fit(rss_dbm, position_m)
+        distance_db = signal_distance_db(fitted.rss_dbm_, fitted.rss_dbm_)
+        nearest = nearest_members(distance_db, self.k, training_members(fitted.position_m_))
+        return fitted._average(distance_db, nearest)
 
     def _average(self, distance_db: Array, nearest: Index) -> Array:
         weight = softmax_weights(np.take_along_axis(distance_db, nearest, axis=1), self.scale_db)

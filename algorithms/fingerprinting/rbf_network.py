@@ -9,6 +9,7 @@ from positioning.errors import InputError
 from positioning.fingerprints import (
     FingerprintRegressor,
     Index,
+    checked_survey,
     fill_not_heard,
     signal_distance_db,
     too_few,
@@ -80,7 +81,7 @@ class RbfNetwork(FingerprintRegressor):
         rss, position = self._training(rss_dbm, position_m)
         drawn = self._draw(len(rss))
         self.rss_dbm_ = fill_not_heard(rss, self.not_heard_dbm)[drawn]
-        kernel = self._kernel(self.rss_dbm_)
+        kernel = self._kernel(self.rss_dbm_, self.rss_dbm_)
         self.network_ = fit_network(
             kernel, position[drawn], np.ones((1, len(drawn)), dtype=bool), self.neurons
         )
@@ -91,18 +92,17 @@ class RbfNetwork(FingerprintRegressor):
 
         See Mirzababaei & Akbari, eq. 62.
         """
-        return estimate(
-            self.network_, self._kernel(fill_not_heard(self._readings(rss_dbm), self.not_heard_dbm))
-        )
+        rss = fill_not_heard(self._readings(rss_dbm), self.not_heard_dbm)
+        return estimate(self.network_, self._kernel(rss, self.rss_dbm_))
 
     def leave_one_out(self, rss_dbm: ArrayLike, position_m: ArrayLike) -> Array:
         """Return the estimate of each fingerprint with its reference point left out, [n, 2], metres.
 
         See Mirzababaei & Akbari, section 6. Each fold chooses its own centres from its own training
-        fingerprints. Parameters as in `fit`.
+        fingerprints. Parameters as in `fit`, whose network stays as it is.
         """
-        rss, position = self._training(rss_dbm, position_m, least=2)
-        self.rss_dbm_ = fill_not_heard(rss, self.not_heard_dbm)
+        rss, position = checked_survey(rss_dbm, position_m, least=2)
+        reading = fill_not_heard(rss, self.not_heard_dbm)
         member = training_members(position)
         if self.training_samples is not None:
             size = member.sum(axis=1)
@@ -112,11 +112,11 @@ class RbfNetwork(FingerprintRegressor):
             for count in np.unique(size):
                 fold = np.flatnonzero(size == count)[:, None]
                 member[fold, order[fold, self._draw(int(count))]] = True
-        kernel = self._kernel(self.rss_dbm_)
+        kernel = self._kernel(reading, reading)
         return estimate(fit_network(kernel, position, member, self.neurons), kernel)
 
-    def _kernel(self, rss_dbm: Array) -> Array:
-        return gaussian_kernel(signal_distance_db(rss_dbm, self.rss_dbm_), self.spread_db, self.kernel)
+    def _kernel(self, tested_dbm: Array, trained_dbm: Array) -> Array:
+        return gaussian_kernel(signal_distance_db(tested_dbm, trained_dbm), self.spread_db, self.kernel)
 
     def _draw(self, samples: int) -> Index:
         """Return the sorted indices of the fingerprints that train."""

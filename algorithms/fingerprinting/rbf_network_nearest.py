@@ -5,6 +5,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from positioning.estimator import clone
 from positioning.fingerprints import (
     FingerprintRegressor,
     Mask,
@@ -90,10 +91,10 @@ class RbfNetworkNearest(FingerprintRegressor):
     def leave_one_out(self, rss_dbm: ArrayLike, position_m: ArrayLike) -> Array:
         """Return the estimate of each fingerprint with its reference point left out, [n, 2], metres.
 
-        See Mirzababaei & Akbari, section 6. Parameters as in `fit`.
+        See Mirzababaei & Akbari, section 6. Parameters as in `fit`, whose survey stays as it is.
         """
-        self.fit(rss_dbm, position_m)
-        return self._locate(self.distance_db_, training_members(self.position_m_))
+        fitted = clone(self).fit(rss_dbm, position_m)
+        return fitted._locate(fitted.distance_db_, training_members(fitted.position_m_))
 
     def _locate(self, distance_db: Array, member: Mask | None) -> Array:
         nearest = nearest_members(distance_db, self.nearest, member, "nearest")

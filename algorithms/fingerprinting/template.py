@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from positioning.estimator import clone
 from positioning.fingerprints import (
     FingerprintRegressor,
     fill_not_heard,
@@ -65,11 +66,12 @@ class Template(FingerprintRegressor):
 
         See Mirzababaei & Akbari, section 6.
         """
-        self.fit(rss_dbm, position_m)
-        distance_db = signal_distance_db(self.rss_dbm_, self.rss_dbm_)
+        # A copy learns: what this one has learned stays as it is.
+        fitted = clone(self).fit(rss_dbm, position_m)
+        distance_db = signal_distance_db(fitted.rss_dbm_, fitted.rss_dbm_)
         # Infinitely far: the weight is an exact zero. Subtracting a point from a sum over all would
         # leave its rounding behind.
-        return self._average(np.where(training_members(self.position_m_), distance_db, np.inf))
+        return fitted._average(np.where(training_members(fitted.position_m_), distance_db, np.inf))
 
     def _average(self, distance_db: Array) -> Array:
         exponent = -0.5 * (distance_db / self.width_db) ** 2

@@ -7,8 +7,8 @@ import numpy as np
 
 from algorithms.alignment.gtsam_graph_slam import gtsam_minimum
 from positioning.errors import Reason, check_number, check_whole, refusal
+from positioning.posegraph.costs import NearCost
 from positioning.posegraph.graph import PoseGraph, Solved, checked
-from positioning.posegraph.optimiser import NearCost
 
 
 class GtsamLevenbergMarquardt:

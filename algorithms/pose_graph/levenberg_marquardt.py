@@ -3,8 +3,9 @@
 import numpy as np
 
 from positioning.errors import check_number
+from positioning.posegraph.costs import Loss, NearCost
 from positioning.posegraph.graph import PoseGraph, Solved
-from positioning.posegraph.optimiser import Loss, NearCost, Search, Start, optimise
+from positioning.posegraph.optimiser import Search, Start, optimise
 
 
 class LevenbergMarquardt:

@@ -3,8 +3,9 @@
 import numpy as np
 
 from algorithms.pose_graph.levenberg_marquardt import LevenbergMarquardt
+from positioning.posegraph.costs import Loss
 from positioning.posegraph.graph import PoseGraph, Solved
-from positioning.posegraph.optimiser import Loss, Start
+from positioning.posegraph.optimiser import Start
 
 
 class LevenbergMarquardtRobust(LevenbergMarquardt):

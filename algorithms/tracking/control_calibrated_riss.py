@@ -9,7 +9,7 @@ import numpy as np
 from algorithms.tracking.riss import Riss
 from positioning.errors import InputError, Reason, refusal
 from positioning.filters.plane import check_settings, track_one, with_leading_axis
-from positioning.inertial.riss import downsample, first_rest, motion_missing
+from positioning.inertial.riss_readings import downsample, first_rest, motion_missing
 from positioning.model import Array, Calibration, Recording, Site, Survey, Track, Truth
 
 _NEEDED = ("path_m", "heading_rad", "gyro_bias_rad_per_s", "odometer_scale")

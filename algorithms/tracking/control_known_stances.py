@@ -10,7 +10,7 @@ from algorithms.tracking.foot_cascaded_filter import FootCascadedFilter
 from algorithms.tracking.foot_inertial import FootInertial, reckon, start_missing
 from positioning.errors import InputError
 from positioning.filters.plane import check_stack, track_one, with_leading_axis
-from positioning.inertial.foot import check_imu
+from positioning.inertial.foot_checks import check_imu
 from positioning.model import Array, Calibration, Recording, Site, Survey, Track, Truth
 
 
@@ -64,9 +64,9 @@ class ControlKnownStances:
         """
         if self.truth is None or self.truth.stance_time_s is None:
             return "the true stances are known of synthetic worlds only"
+        # Reasons of the inertial filter include its detector, which is not used here.
         if isinstance(survey, Survey):
-            return self._fusion().skip(recording, survey, site)
-        # The inertial filter's own reasons include its detector, which is not used here.
+            return self._fusion().cannot_fuse(recording, survey, site)
         return start_missing(recording)
 
     def track(

@@ -7,7 +7,9 @@ import numpy as np
 from algorithms.tracking.flight_inertial import flight_missing, navigation_track
 from positioning.errors import InputError, Reason, refusal
 from positioning.filters.plane import track_one, with_leading_axis
-from positioning.inertial.flight_filter import FlightFilter, FlightNavigation, Triple, _Run, check_flight
+from positioning.inertial.flight_checks import check_flight
+from positioning.inertial.flight_filter import FlightNavigation, FlightRun
+from positioning.inertial.flight_settings import FlightFilter, Triple
 from positioning.model import Array, Calibration, Recording, Site, Survey, Track, Truth
 
 
@@ -177,7 +179,7 @@ class ControlTrueMap:
         return navigation_track(known_map_flight(recording, site, settings, landmark_m), settings)
 
 
-class _KnownMap(_Run):
+class _KnownMap(FlightRun):
     """A flight whose landmarks are part of the state from the start, without any uncertainty."""
 
     def __init__(self, recording: Recording, site: Site, settings: FlightFilter, landmark_m: Array) -> None:

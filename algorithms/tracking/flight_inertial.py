@@ -6,7 +6,8 @@ import numpy as np
 
 from positioning.errors import Reason, refusal
 from positioning.filters.plane import track_one
-from positioning.inertial.flight_filter import FlightFilter, FlightNavigation, Triple, navigate_flight
+from positioning.inertial.flight_filter import FlightNavigation, navigate_flight
+from positioning.inertial.flight_settings import FlightFilter, Triple
 from positioning.model import Array, Calibration, Recording, Site, Survey, Track
 
 

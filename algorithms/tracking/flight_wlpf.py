@@ -6,7 +6,7 @@ import numpy as np
 
 from algorithms.tracking.flight_inertial import flight_missing, flight_track
 from positioning.filters.plane import track_one
-from positioning.inertial.flight_filter import FlightFilter, Triple
+from positioning.inertial.flight_settings import FlightFilter, Triple
 from positioning.model import Calibration, Recording, Site, Survey, Track
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.fingerprinting.expected_deviation import ExpectedDeviation
-from algorithms.tracking.foot_inertial import steps_of, steps_so_far
+from algorithms.tracking.foot_inertial import late_start, steps_of, steps_so_far
 from positioning.errors import InputError
 from positioning.filters import kalman
 from positioning.filters.plane import (
@@ -24,7 +24,9 @@ from positioning.fingerprint_fixes import (
     fix_covariance_m2,
     map_centre_and_variance,
 )
-from positioning.inertial.foot import FootNavigation, Steps, imu_missing
+from positioning.inertial.foot import FootNavigation
+from positioning.inertial.foot_checks import imu_missing
+from positioning.inertial.foot_steps import Steps
 from positioning.model import Array, Calibration, Recording, Site, Survey, Track
 
 _PLACE = np.eye(2, 3)
@@ -118,6 +120,13 @@ class FootCascadedFilter:
 
     def skip(self, recording: Recording, survey: Survey | Calibration | None, site: Site) -> str:
         """Say why these data cannot be tracked; empty where they can.
+
+        See Frank et al., section 4.
+        """
+        return self.cannot_fuse(recording, survey, site) or late_start(recording, self.inertial)
+
+    def cannot_fuse(self, recording: Recording, survey: Survey | Calibration | None, site: Site) -> str:
+        """Say why these data cannot be tracked, whoever finds the steps; empty where they can.
 
         See Frank et al., section 4.
         """

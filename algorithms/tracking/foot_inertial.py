@@ -18,21 +18,12 @@ from positioning.filters.plane import (
     track_one,
     with_leading_axis,
 )
-from positioning.inertial.foot import (
-    Fixes,
-    FootFilter,
-    FootNavigation,
-    Start,
-    Steps,
-    aligned,
-    check_imu,
-    foot_navigation,
-    imu_missing,
-    late_alignment,
-    misalignment_rad,
-    steps,
-    straight_steps,
-)
+from positioning.inertial.foot import FootNavigation, Start, foot_navigation
+from positioning.inertial.foot_alignment import late_alignment
+from positioning.inertial.foot_checks import check_imu, imu_missing
+from positioning.inertial.foot_plan import Fixes
+from positioning.inertial.foot_settings import FootFilter
+from positioning.inertial.foot_steps import Steps, aligned, misalignment_rad, steps, straight_steps
 from positioning.model import Array, Calibration, Recording, Site, Survey, Track
 from positioning.steps import of_recording, to_extra
 
@@ -49,7 +40,7 @@ class FootInertial:
     them use readings that come a few seconds later.
 
     The covariance is that of the inertial filter, with start and noted heading for sure. The variances are
-    not printed: see `positioning.inertial.foot.FootFilter` for where these come from.
+    not printed: see `positioning.inertial.foot_settings.FootFilter` for where these come from.
 
     Parameters
     ----------
@@ -253,17 +244,7 @@ class FootInertial:
         See Frank et al., section 3. That is also where the rest of the alignment ends after half of a
         recording.
         """
-        if reason := start_missing(recording):
-            return reason
-        stacked = with_leading_axis(recording) if np.ndim(recording.time_s) == 1 else recording
-        settings = self.settings()
-        try:
-            settings.check()
-            check_imu(stacked)
-            return late_alignment(stacked, settings)
-        except InputError:
-            # What cannot be used is no reason to skip: tracking refuses it.
-            return ""
+        return start_missing(recording) or late_start(recording, self)
 
     def track(
         self,
@@ -329,6 +310,46 @@ def start_missing(recording: Recording) -> str:
     if recording.start_position_m is None or np.isnan(recording.start_position_m).any():
         return "the start place was not recorded"
     return ""
+
+
+def late_start(recording: Recording, inertial: Any) -> str:
+    """Say why steps are found too late; empty where they are not, or where another row has found them.
+
+    See Frank et al., section 3. The rest of the alignment must not end after half of a recording.
+
+    Parameters
+    ----------
+    recording
+        One, or a stack; with inertial readings.
+    inertial
+        The filter; None takes `FootInertial` with its own settings. Nothing is known of any other.
+    """
+    filtered = FootInertial() if inertial is None else inertial
+    if recording.step_time_s is not None or not isinstance(filtered, FootInertial):
+        return ""
+    stacked = with_leading_axis(recording) if np.ndim(recording.time_s) == 1 else recording
+    settings = filtered.settings()
+    try:
+        settings.check()
+        check_imu(stacked)
+        return late_alignment(stacked, settings)
+    except InputError:
+        # What cannot be used is no reason to skip: tracking refuses it.
+        return ""
+
+
+def check_start(recording: Recording, inertial: Any) -> None:
+    """Refuse what `late_start` has a reason for.
+
+    See Frank et al., section 3.
+
+    Raises
+    ------
+    InputError
+        With this reason.
+    """
+    if reason := late_start(recording, inertial):
+        raise InputError("recording", reason, "Begin with a rest, or build on the steps of another row")
 
 
 def reckon(recording: Recording, inertial: FootInertial, navigation: FootNavigation) -> Track:
@@ -405,10 +426,16 @@ def steps_of(
         The filter; None takes `FootInertial` with its own settings.
     navigation
         Of the filter, where it has been made already.
+
+    Raises
+    ------
+    InputError
+        Where the filter itself would start too late, or refuses the recording.
     """
     filtered = FootInertial() if inertial is None else inertial
     if navigation is not None:
         return filtered.steps(navigation)
+    check_start(recording, filtered)
     return of_recording(recording) or filtered.steps(filtered.navigation(recording, site))
 
 

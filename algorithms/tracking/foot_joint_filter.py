@@ -12,9 +12,12 @@ from algorithms.tracking.foot_cascaded_filter import (
     start_headings_rad,
     wlan_fixes,
 )
-from algorithms.tracking.foot_inertial import FootInertial, steps_so_far
+from algorithms.tracking.foot_inertial import FootInertial, check_start, late_start, steps_so_far
 from positioning.filters.plane import LEAST_VARIANCE_M2, check_settings, check_stack, track_one
-from positioning.inertial.foot import Fixes, Start, check_imu, rests
+from positioning.inertial.foot import Start
+from positioning.inertial.foot_alignment import rests
+from positioning.inertial.foot_checks import check_imu
+from positioning.inertial.foot_plan import Fixes
 from positioning.model import Array, Calibration, Recording, Site, Survey, Track
 
 # Of each coordinate before the first fix: so wide that this fix is the start.
@@ -81,7 +84,8 @@ class FootJointFilter:
 
         See Frank et al., section 4.
         """
-        return cannot_fuse(self._fingerprinting(), recording, survey, site)
+        reason = cannot_fuse(self._fingerprinting(), recording, survey, site)
+        return reason or late_start(recording, self.inertial)
 
     def track(
         self,
@@ -132,6 +136,7 @@ class FootJointFilter:
             heading_noise_rad_per_rt_s=(self.heading_noise_rad_per_rt_s, 0, 1e3),
         )
         check_fusible(self._fingerprinting(), recording, survey, site)
+        check_start(recording, self.inertial)
         length = check_stack(recording, site, beacons=False)
         fixes = wlan_fixes(
             self._fingerprinting(), recording, survey, vote=self.best_of_three, sigma_m=self.sigma_wlan_m

@@ -15,7 +15,7 @@ from algorithms.tracking.foot_cascaded_filter import (
     start_headings_rad,
     wlan_fixes,
 )
-from algorithms.tracking.foot_inertial import steps_of, steps_so_far
+from algorithms.tracking.foot_inertial import late_start, steps_of, steps_so_far
 from positioning.filters import particle_filter
 from positioning.filters.plane import LEAST_VARIANCE_M2, check_settings, check_stack, track_one
 from positioning.filters.resampling import effective_sample_size, systematic
@@ -87,7 +87,8 @@ class FootParticleFilter:
 
         See Frank et al., section 4.
         """
-        return cannot_fuse(self._fingerprinting(), recording, survey, site)
+        reason = cannot_fuse(self._fingerprinting(), recording, survey, site)
+        return reason or late_start(recording, self.inertial)
 
     def track(
         self,

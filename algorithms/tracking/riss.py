@@ -14,17 +14,8 @@ from positioning.filters.plane import (
     track_one,
 )
 from positioning.inertial.earth import EARTH_RATE_RAD_PER_S
-from positioning.inertial.riss import (
-    Increments,
-    Rest,
-    downsample,
-    first_rest,
-    increments,
-    mechanise,
-    motion_missing,
-    move,
-    readings,
-)
+from positioning.inertial.riss import Increments, increments, mechanise, move
+from positioning.inertial.riss_readings import Rest, downsample, first_rest, motion_missing, readings
 from positioning.model import Array, Calibration, Recording, Site, Survey, Track
 
 

@@ -11,7 +11,8 @@ from positioning.filters import kalman
 from positioning.filters.mixture import start_at_rest
 from positioning.filters.plane import check_settings, check_stack, headings_missing, track_one
 from positioning.fingerprint_fixes import cannot_fix, fingerprint_fixes
-from positioning.inertial.riss import downsample, increments, motion_missing, move
+from positioning.inertial.riss import increments, move
+from positioning.inertial.riss_readings import downsample, motion_missing
 from positioning.model import Calibration, Recording, Site, Survey, Track
 
 

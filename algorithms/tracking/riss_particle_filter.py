@@ -11,7 +11,8 @@ from positioning.errors import refusal
 from positioning.filters.mixture import Drive, Mixture, SystemNoise, filter_drive, start_at_rest
 from positioning.filters.plane import check_settings, check_stack, track_one, with_leading_axis
 from positioning.fingerprint_fixes import cannot_fix, fingerprint_fixes
-from positioning.inertial.riss import downsample, increments, motion_missing
+from positioning.inertial.riss import increments
+from positioning.inertial.riss_readings import downsample, motion_missing
 from positioning.model import Array, Calibration, Recording, Site, Survey, Track
 
 

@@ -7,125 +7,25 @@ set, rows are compared at the samples that both have: one that refuses hard samp
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
-from scipy.special import stdtrit
 
-from positioning.evaluation.statistics import CONFIDENCE, Interval, mean_interval
-
-COLUMNS = [
-    "study",
-    "family",
-    "kind",
-    "algorithm",
-    "use",
-    "role",
-    "new",
-    "competes",
-    "worlds",
-    "n",
-    "coverage",
-]
-COLUMNS += [
-    "mean_m",
-    "interval_low_m",
-    "interval_high_m",
-    "interval_over",
-    "p50_m",
-    "p75_m",
-    "p90_m",
-    "p95_m",
-]
-COLUMNS += ["rank", "beaten_share", "worlds_won_share", "over_best", "seconds", "note"]
-"""Columns of the table of a task."""
-
-MAIN, VARIANT, CONTROL = "main", "variant", "control"
-"""What a row is to a comparison: a competitor, one with other settings, or a limit."""
-
-LEAST_ALGORITHMS, LEAST_DATA_SETS = 3, 5
-"""Smaller comparisons have no critical difference worth drawing."""
-
-LEAST_COVERAGE, LEAST_SAMPLES = 0.98, 2
-"""Rows that answer a smaller share of a data set's samples, and data sets of fewer, are in no mean rank."""
-
-TIE = 1e-4
-"""Mean errors that are closer than this share of the larger one are equal, here and in all counts."""
+from positioning.evaluation.comparison_lines import (
+    COLUMNS,
+    CONTROL,
+    LEAST_COVERAGE,
+    StudyTables,
+    study_lines,
+)
+from positioning.evaluation.ranks import Block, DataSet, Ranks, complete_block, difference_ranks, mean_ranks
 
 WORLD, SAMPLE = "world", "sample"
 """What a paired difference is over."""
 
-DataSet = tuple[str, str]
-
-
-@dataclass(frozen=True)
-class StudyTables:
-    """What the workflow made of a study, as far as a comparison needs it.
-
-    Attributes
-    ----------
-    study, title, kind
-        Its name and title; ``synthetic`` or ``recorded``.
-    reference
-        The row that the study compares all others with.
-    entries
-        Settings by row, as the plan describes them: ``use``, ``task``, ``parameters``, ``options``.
-    table, paired, times
-        As the rule ``compare`` writes them; ``times`` outside sweeps.
-    worlds
-        One mean error a world: ``family, algorithm, world, mean_m``.
-    sources
-        The collection that a recording is from, by family. What is not told is from one source a study.
-    """
-
-    study: str
-    title: str
-    kind: str
-    reference: str
-    entries: Mapping[str, Mapping[str, Any]]
-    table: pd.DataFrame
-    paired: pd.DataFrame
-    times: pd.DataFrame
-    worlds: pd.DataFrame
-    sources: Mapping[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Ranks:
-    """Mean ranks over data sets in which the same algorithms ran, with Nemenyi's critical difference.
-
-    Attributes
-    ----------
-    rank
-        One line a data set, one column an algorithm, the best mean rank first; 1 is the smallest error.
-        Made of paired differences, as `difference_ranks` says.
-    critical_difference
-        Mean ranks that are farther apart differ at the 5 % level.
-    friedman_p
-        Probability of ranks so unlike if all algorithms were alike (Friedman's test).
-    """
-
-    rank: pd.DataFrame
-    critical_difference: float
-    friedman_p: float
-
-    @property
-    def mean(self) -> "pd.Series[float]":
-        """The mean rank of each algorithm, ascending."""
-        mean: pd.Series[float] = self.rank.mean()
-        return mean
-
-    def best(self) -> list[str]:
-        """Return the algorithm of the lowest mean rank, or all that share it."""
-        mean = self.mean
-        return [str(name) for name in mean.index if np.isclose(mean[name], mean.iloc[0])]
-
-    def unlike_best(self) -> list[str]:
-        """Return the algorithms whose mean rank differs from the best one."""
-        mean = self.mean
-        return [str(name) for name in mean.index if mean[name] - mean.iloc[0] > self.critical_difference]
+ONE_SAMPLE, REFUSED, ABSENT = "one sample", "samples unanswered", "not run there"
+"""Why a data set is not in the block of ranks."""
 
 
 @dataclass(frozen=True)
@@ -203,258 +103,6 @@ def compare(studies: Sequence[StudyTables], accepted: Iterable[tuple[str, str]])
     ]
 
 
-def study_lines(study: StudyTables, accepted: set[tuple[str, str]]) -> dict[str, pd.DataFrame]:
-    """Return the lines of one study by task, with the columns ``COLUMNS``.
-
-    Parameters
-    ----------
-    study
-        Its tables.
-    accepted
-        Task and name of rows that are not new.
-    """
-    what = roles(study.entries, study.reference, accepted)
-    seconds = study.times.groupby(["family", "algorithm"])["seconds"].median().to_dict()
-    order = study.worlds.sort_values("world", kind="stable")
-    per_world = {
-        (str(family), str(row)): (own["world"].to_numpy(), own["mean_m"].to_numpy(dtype=float))
-        for (family, row), own in order.groupby(["family", "algorithm"], sort=False)
-    }
-    differences_m = {
-        (str(family), str(row), str(against)): float(value)
-        for family, row, against, value in zip(
-            *(study.paired[name] for name in ("family", "algorithm", "against", "difference_m")), strict=True
-        )
-    }
-    tasks: dict[str, list[dict[str, Any]]] = {}
-    for line in study.table.to_dict("records"):
-        row, family = str(line["algorithm"]), str(line["family"])
-        entry, (role, new) = study.entries[row], what[row]
-        measured = not line["note"]
-        interval, over = _interval(line, per_world.get((family, row))) if measured else (_NO_INTERVAL, "")
-        tasks.setdefault(str(entry.get("task", "fingerprinting")), []).append(
-            {str(name): line.get(name, np.nan) for name in COLUMNS}
-            | {
-                "study": study.study,
-                "family": family,
-                "kind": study.kind,
-                "use": entry.get("use", row),
-                "role": role,
-                "new": new,
-                "competes": False,
-                "worlds": int(line["worlds"]) if measured else 0,
-                "n": int(line["n"]) if measured else 0,
-                "interval_low_m": interval.low,
-                "interval_high_m": interval.high,
-                "interval_over": over,
-                "seconds": seconds.get((family, row), np.nan),
-            }
-        )
-    for lines in tasks.values():
-        for family in dict.fromkeys(line["family"] for line in lines):
-            answering = [line for line in lines if line["family"] == family and line["worlds"]]
-            # What nobody answers is unknown here: the row that answers most stands for all samples.
-            samples = max((_samples(line) for line in answering), default=0)
-            for own in answering:
-                own["coverage"] = _samples(own) / samples if samples else np.nan
-                own["competes"] = own["role"] == MAIN or _is_new_rival(own)
-            rivals = [line for line in answering if line["competes"]]
-            if rivals and samples >= LEAST_SAMPLES:
-                names = [line["algorithm"] for line in rivals]
-                _place(
-                    rivals,
-                    np.array([[differences_m.get((family, a, b), np.nan) for b in names] for a in names]),
-                    [per_world[(family, name)] for name in names],
-                )
-    return {task: pd.DataFrame(lines, columns=COLUMNS) for task, lines in tasks.items()}
-
-
-def _is_new_rival(line: Mapping[str, Any]) -> bool:
-    return bool(line["new"]) and line["role"] == VARIANT
-
-
-def _samples(line: Mapping[str, Any]) -> int:
-    return int(line["n"]) * int(line["worlds"])
-
-
-def _place(
-    rivals: Sequence[dict[str, Any]],
-    difference_m: NDArray[np.float64],
-    per_world: Sequence[tuple[NDArray[Any], NDArray[np.float64]]],
-) -> None:
-    """Write the ranks and shares of those that compete on one data set into their lines.
-
-    Parameters
-    ----------
-    rivals
-        Their lines.
-    difference_m
-        Mean error of each minus that of each at common samples, [rival, rival]; NaN where there are none.
-    per_world
-        World and mean error of each.
-    """
-    rank = difference_ranks(difference_m, np.array([line["mean_m"] for line in rivals]))
-    for line, own in zip(rivals, rank, strict=True):
-        line["rank"] = float(own)
-        if len(rivals) > 1:
-            line["beaten_share"] = (len(rivals) - line["rank"]) / (len(rivals) - 1)
-    # A mean over a row's own samples says nothing beside one over others, and worlds have no paired ones.
-    whole = [number for number, line in enumerate(rivals) if _is_whole(line)]
-    if len(whole) > 1:
-        worlds = np.unique(np.concatenate([per_world[number][0] for number in whole]))
-        errors_m = np.full((len(worlds), len(whole)), np.nan)
-        for column, number in enumerate(whole):
-            own_worlds, values = per_world[number]
-            errors_m[np.searchsorted(worlds, own_worlds), column] = values
-        for number, share in zip(whole, worlds_won(errors_m), strict=True):
-            rivals[number]["worlds_won_share"] = float(share)
-    # Of whole rows these are their mean errors; others are brought to all samples by their difference.
-    most = min(range(len(rivals)), key=lambda i: (-rivals[i]["coverage"], rivals[i]["mean_m"]))
-    difference_m = np.where(np.eye(len(rivals), dtype=bool), 0.0, difference_m)
-    likened_m = _positive(rivals[most]["mean_m"] + difference_m[:, most])
-    if not np.isnan(likened_m).all():
-        for line, own in zip(rivals, likened_m / np.nanmin(likened_m), strict=True):
-            line["over_best"] = float(own)
-
-
-def _is_whole(line: Mapping[str, Any]) -> bool:
-    return bool(line["coverage"] >= LEAST_COVERAGE)
-
-
-def difference_ranks(difference_m: NDArray[np.float64], mean_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rank of each algorithm on a data set from paired differences; 1 is the smallest error.
-
-    A rank is one more than the number of algorithms with a smaller error at the samples that both have;
-    equal ones count half, and so do those that have no sample in common. Where all answer at the same
-    samples, these are the ranks of the mean errors. Ranks of a data set sum up alike in any case.
-
-    Parameters
-    ----------
-    difference_m
-        Mean error of the former minus that of the latter, [..., former, latter]; NaN where nothing is
-        common. The diagonal does not count.
-    mean_m
-        Mean errors, [..., algorithm], which say what difference is none.
-    """
-    same = np.eye(difference_m.shape[-1], dtype=bool)
-    tie_m = TIE * np.maximum(mean_m[..., :, None], mean_m[..., None, :])
-    larger = (difference_m > tie_m) & ~same
-    equal = ~(np.abs(difference_m) > tie_m) & ~same
-    rank: NDArray[np.float64] = 1 + larger.sum(axis=-1) + equal.sum(axis=-1) / 2
-    return rank
-
-
-def roles(
-    entries: Mapping[str, Mapping[str, Any]], reference: str, accepted: set[tuple[str, str]]
-) -> dict[str, tuple[str, bool]]:
-    """Return for each row whether it competes, is a variant or a control, and whether it is new.
-
-    Of rows that are built of the same algorithms, one competes: the one that is named like its
-    algorithm, else the first; the others are variants of settings. The reference of the study
-    competes always, and a row that is not accepted yet takes nobody's place.
-
-    Parameters
-    ----------
-    entries
-        Settings by row: ``use``, ``task``, ``parameters``, ``options``.
-    reference
-        The study's own choice.
-    accepted
-        Task and name of rows that are not new.
-    """
-    new = {
-        row: (str(entry.get("task", "fingerprinting")), row) not in accepted for row, entry in entries.items()
-    }
-    alike: dict[object, list[str]] = {}
-    for row, entry in entries.items():
-        alike.setdefault(_built_of(row, entry), []).append(row)
-    first = {
-        min(rows, key=lambda row: (new[row], entries[row].get("use", row) != row, rows.index(row)))
-        for rows in alike.values()
-    }
-    found = {}
-    for row, entry in entries.items():
-        if str(entry.get("use", row)).startswith("control_"):
-            role = CONTROL
-        else:
-            role = MAIN if row in first or row == reference else VARIANT
-        found[row] = (role, new[row])
-    return found
-
-
-def worlds_won(mean_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the share of worlds in which each algorithm has the smallest value; equal ones share a world.
-
-    Two algorithms may find one answer on two ways, so that values within ``TIE`` are equal.
-
-    Parameters
-    ----------
-    mean_m
-        One value a world and algorithm, [world, algorithm]; NaN where it has no answer.
-    """
-    values = mean_m[~np.isnan(mean_m).all(axis=1)]
-    smallest = values <= np.nanmin(values, axis=1, keepdims=True) * (1 + TIE)
-    share: NDArray[np.float64] = (smallest / smallest.sum(axis=1, keepdims=True)).mean(axis=0)
-    return share
-
-
-class Block(NamedTuple):
-    """Data sets, and algorithms that ran in all of them."""
-
-    data_sets: list[DataSet]
-    algorithms: list[str]
-
-
-def complete_block(present: Mapping[DataSet, Iterable[str]]) -> Block | None:
-    """Return the data sets and algorithms for a comparison of ranks, None where there are too few.
-
-    Ranks need the same algorithms in every data set. Of all such blocks the one of most pairs is
-    taken, of equal ones that of more data sets; errors play no part in the choice.
-
-    Parameters
-    ----------
-    present
-        Algorithms that ran, by data set.
-    """
-    sets = {data_set: frozenset(rows) for data_set, rows in present.items()}
-    closed = set(sets.values())
-    fresh = closed
-    while fresh:
-        fresh = {a & b for a in fresh for b in sets.values()} - closed
-        closed |= fresh
-    best, size = None, (0, 0)
-    for rows in sorted(closed, key=sorted):
-        inside = [data_set for data_set, own in sets.items() if rows <= own]
-        if len(rows) >= LEAST_ALGORITHMS and len(inside) >= LEAST_DATA_SETS:
-            own_size = (len(rows) * len(inside), len(inside))
-            if own_size > size:
-                best, size = Block(inside, sorted(rows)), own_size
-    return best
-
-
-def mean_ranks(rank: pd.DataFrame) -> Ranks:
-    """Return mean ranks with Nemenyi's critical difference, as Demsar (2006) compares classifiers.
-
-    Parameters
-    ----------
-    rank
-        Ranks inside each data set: one line a data set, one column an algorithm, complete.
-    """
-    # These two take longer to import than all the rest of a comparison to run.
-    from scipy.stats import friedmanchisquare, studentized_range
-
-    data_sets, algorithms = rank.shape
-    values = rank.to_numpy(dtype=float)
-    quantile = studentized_range.ppf(CONFIDENCE, algorithms, np.inf) / np.sqrt(2)
-    # Friedman's statistic divides by zero where all are equal everywhere: nothing speaks for a difference.
-    tied = bool((values == values[:, :1]).all())
-    return Ranks(
-        rank[rank.mean().sort_values(kind="stable").index],
-        float(quantile * np.sqrt(algorithms * (algorithms + 1) / (6 * data_sets))),
-        1.0 if tied else float(friedmanchisquare(*values.T).pvalue),
-    )
-
-
 def paired_outcomes(pairs: pd.DataFrame) -> pd.DataFrame:
     """Return in how many data sets a row's paired difference is clear of zero, by ordered pair and unit.
 
@@ -471,39 +119,6 @@ def paired_outcomes(pairs: pd.DataFrame) -> pd.DataFrame:
     marked = own.assign(better=own["high_m"] < 0, worse=own["low_m"] > 0, data_sets=1)
     counted = marked.groupby(["label", "against", "unit"], sort=False)[["better", "worse", "data_sets"]].sum()
     return counted.astype(int).rename(columns={"data_sets": "n"}).reset_index()
-
-
-_NO_INTERVAL = Interval(float("nan"), float("nan"), 0.0)
-
-
-def _interval(
-    line: Mapping[Any, Any], per_world: tuple[NDArray[Any], NDArray[np.float64]] | None
-) -> tuple[Interval, str]:
-    """Return Student's 95 % interval of the mean: over worlds; of one world or recording over its samples."""
-    if per_world is not None and len(per_world[1]) > 1:
-        return mean_interval(per_world[1]), "worlds"
-    samples = int(line["n"])
-    if samples < 2:
-        return _NO_INTERVAL, ""
-    half = float(stdtrit(samples - 1, (1 + CONFIDENCE) / 2) * line["se_m"])
-    return Interval(float(line["mean_m"]) - half, float(line["mean_m"]) + half, CONFIDENCE), "samples"
-
-
-def _built_of(row: str, entry: Mapping[str, Any]) -> object:
-    """Return the algorithms that a row is built of, without their settings."""
-    inner = {**entry.get("parameters", {}), **entry.get("options", {})}
-    parts = [
-        (name, _built_of(name, part))
-        for name, part in sorted(inner.items())
-        if isinstance(part, Mapping) and "use" in part
-    ]
-    # The parts of a part stand beside its settings, those of a row under two keys of their own.
-    parts += [
-        (name, _built_of(name, part))
-        for name, part in sorted(entry.items())
-        if name not in ("parameters", "options") and isinstance(part, Mapping) and "use" in part
-    ]
-    return (entry.get("use", row), entry.get("task"), tuple(parts))
 
 
 Part = tuple[StudyTables, pd.DataFrame]
@@ -576,10 +191,6 @@ def _block_ranks(block: Block, ran: pd.DataFrame, pairs: pd.DataFrame) -> Ranks:
     return mean_ranks(pd.DataFrame(rank, index=own_m.index, columns=own_m.columns))
 
 
-ONE_SAMPLE, REFUSED, ABSENT = "one sample", "samples unanswered", "not run there"
-"""Why a data set is not in the block of ranks."""
-
-
 def _left_out(ran: pd.DataFrame, block: Block | None) -> pd.DataFrame:
     """Return the data sets outside the block, with what keeps them out."""
     found = []
@@ -640,8 +251,3 @@ def _summary(
     return pd.DataFrame(lines).sort_values(
         ["rank", "beaten_share"], ascending=[True, False], kind="stable", ignore_index=True
     )
-
-
-def _positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return values for a quotient: an error of zero has none."""
-    return np.where(values > 0, values, np.nan)

@@ -1,6 +1,7 @@
 """GPS beside an inertial navigation: which readings count, time alignment, lever arm, and what they observe.
 
-See Mirzababaei & Akbari, section 3, eqs. 27 to 36.1. Frames and errors are those of `geodetic`.
+See Mirzababaei & Akbari, section 3, eqs. 27 to 36.1. Frames are those of `geodetic`, errors those
+of `geodetic_error_state`.
 """
 
 from numbers import Real
@@ -9,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from positioning.errors import InputError
-from positioning.inertial.geodetic import ATTITUDE, RATE_BIAS, check_states, position_scale_m
+from positioning.inertial.geodetic import position_scale_m
+from positioning.inertial.geodetic_error_state import ATTITUDE, RATE_BIAS, check_states
 from positioning.inertial.strapdown import cross_matrix
 from positioning.model import Array, Recording
 

@@ -2,13 +2,14 @@
 
 See Mirzababaei & Akbari, section 5, eqs. 47 to 51. Places are in a local frame north, east, down, metres; the
 axes of the sensor are those of the body, x forward, y right, z down, so that the elevation of eq. 48 is
-positive BELOW the horizontal plane of the body. Errors are those of `geodetic`: navigation less truth.
+positive BELOW the horizontal plane of the body. Errors are those of `geodetic_error_state`: navigation less
+truth.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from positioning.inertial.geodetic import ATTITUDE, POSITION
+from positioning.inertial.geodetic_error_state import ATTITUDE, POSITION
 from positioning.inertial.strapdown import cross_matrix
 from positioning.model import Array
 

@@ -14,6 +14,7 @@ from positioning.files import read_json
 from positioning.presentation import tables
 from positioning.presentation.claim_lines import told
 from positioning.presentation.environment import as_text, environment
+from positioning.presentation.papers import kinds_of
 from positioning.presentation.study_lines import (
     breakable,
     coded,
@@ -141,7 +142,7 @@ def study_page(report: Report) -> str:
         What it says.
     """
     rows = tables.rows_of(report.table, report.claims, report.paper)
-    kinds = {claim["id"]: claim["kind"] for claim in report.paper.get("claims", [])}
+    kinds = kinds_of([report.paper])
     settings = report.paper.get("settings", {}).get(report.study, {})
     return (
         environment()

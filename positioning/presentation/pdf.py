@@ -17,6 +17,7 @@ from positioning.presentation import tables
 from positioning.presentation.claim_lines import claim_line
 from positioning.presentation.front import glance, in_short, shown_groups
 from positioning.presentation.pages import answer, build_lines, worlds_in_words
+from positioning.presentation.papers import kinds_of
 from positioning.presentation.tones import PALETTES, TONES
 
 TEMPLATE = Path(__file__).parent / "templates" / "report.typ"
@@ -163,7 +164,7 @@ def ledger_latex(claims: pd.DataFrame, kinds: Mapping[str, str]) -> str:
 
 
 def _chapter(chapter: Chapter, root: Path) -> dict[str, Any]:
-    kinds = {str(claim["id"]): str(claim["kind"]) for claim in chapter.paper.get("claims", [])}
+    kinds = kinds_of([chapter.paper])
     return {
         "study": chapter.study,
         "title": chapter.plan["title"],

@@ -14,7 +14,7 @@ import pandas as pd
 from positioning.errors import InputError
 from positioning.geometry import pairwise_distance_m
 from positioning.model import Array, Calibration, Recording, Site, Truth, Worlds
-from positioning.recordings.register import find_file
+from positioning.recordings.register import find_file, unreadable
 
 TRACKS = ("straight_01", "straight_02", "straight_03", "rectangular_with_rotation")
 
@@ -117,7 +117,7 @@ def _sensors(folder: str | Path) -> tuple[list[str], Array]:
         place_m = np.array([entry[0] for entry in entries.values()], dtype=float)
         return list(entries), place_m.reshape(len(entries), 3)[:, :2]
     except (ValueError, TypeError, AttributeError, LookupError) as error:
-        raise _unreadable(file, "the places of the sensors", error) from error
+        raise unreadable("ble_ar_tracks", file, "the places of the sensors", error) from error
 
 
 def _limits(folder: str | Path) -> Array:
@@ -128,7 +128,7 @@ def _limits(folder: str | Path) -> Array:
         limits = json.loads(path.read_text(encoding="utf-8"))["limits"]
         return np.array(limits, dtype=float).reshape(2, 2)
     except (ValueError, TypeError, LookupError) as error:
-        raise _unreadable(file, "the limits of the area", error) from error
+        raise unreadable("ble_ar_tracks", file, "the limits of the area", error) from error
 
 
 def _packets(folder: str | Path, track: str, sensors: list[str]) -> pd.DataFrame:
@@ -153,13 +153,5 @@ def _packets(folder: str | Path, track: str, sensors: list[str]) -> pd.DataFrame
         if packet["beacon"].nunique() != 1:
             raise ValueError("there is more than one beacon")
     except (ValueError, TypeError) as error:
-        raise _unreadable(file, f"the columns {', '.join(COLUMNS)}", error) from error
+        raise unreadable("ble_ar_tracks", file, f"the columns {', '.join(COLUMNS)}", error) from error
     return packet
-
-
-def _unreadable(file: str, what: str, error: Exception) -> InputError:
-    return InputError(
-        f"ble_ar_tracks, file {file}",
-        f"{what} cannot be read ({str(error).rstrip('.')})",
-        "Use the registered file of data/sources.csv",
-    )

@@ -12,7 +12,7 @@ import pandas as pd
 from positioning.errors import InputError
 from positioning.geometry import pairwise_distance_m
 from positioning.model import Calibration, Recording, Site, Survey, Truth, Worlds
-from positioning.recordings.register import find_file
+from positioning.recordings.register import find_file, unreadable
 
 RUNS = (1, 2, 3, 4)
 
@@ -85,7 +85,7 @@ def load(folder: str | Path, *, run: int = 1, window_s: float = 1.0, cell_m: flo
             )
     anchor_m = _numbers(folder, ANCHORS, ["id", "x", "y"]).sort_values("id")[["x", "y"]].to_numpy()
     if len(anchor_m) != len(RSS_COLUMNS):
-        raise _unreadable(ANCHORS, "six anchors", ValueError(f"there are {len(anchor_m)}"))
+        raise unreadable("ble_flat_robot", ANCHORS, "six anchors", f"there are {len(anchor_m)}")
     corner_m = _numbers(folder, LAYOUT, ["x", "y"]).to_numpy()
     rows = _readings(folder)
     own, other = rows[rows["run"] == run], rows[rows["run"] != run]
@@ -129,10 +129,10 @@ def _readings(folder: str | Path) -> pd.DataFrame:
     rows = _numbers(folder, READINGS, list(PLACE_COLUMNS), RSS_COLUMNS)
     clock_s = (rows["ts"].to_numpy() - rows["ts"].iloc[0]) * 1e-9
     if (np.diff(clock_s) <= 0).any():
-        raise _unreadable(READINGS, "the times", ValueError("they do not increase"))
+        raise unreadable("ble_flat_robot", READINGS, "the times", "they do not increase")
     run = np.cumsum(np.diff(clock_s, prepend=0.0) > PAUSE_S)
     if run[-1] != len(RUNS) - 1:
-        raise _unreadable(READINGS, f"{len(RUNS)} runs", ValueError(f"there are {run[-1] + 1}"))
+        raise unreadable("ble_flat_robot", READINGS, f"{len(RUNS)} runs", f"there are {run[-1] + 1}")
     start_s = clock_s[np.searchsorted(run, run)]
     # The cells hold some hundred nanoseconds less than they print; rows on a window's edge must not miss it.
     return rows.assign(run=run + 1, time_s=np.round(clock_s - start_s, 3))
@@ -150,13 +150,5 @@ def _numbers(folder: str | Path, file: str, complete: list[str], gappy: Sequence
         if np.isinf(strength_dbm).any() or (strength_dbm >= 0).any():
             raise ValueError("a strength is infinite, or not below 0 dBm")
     except (ValueError, TypeError) as error:
-        raise _unreadable(file, f"the columns {', '.join(columns)}", error) from error
+        raise unreadable("ble_flat_robot", file, f"the columns {', '.join(columns)}", error) from error
     return table
-
-
-def _unreadable(file: str, what: str, error: Exception) -> InputError:
-    return InputError(
-        f"ble_flat_robot, file {file}",
-        f"{what} cannot be read ({str(error).rstrip('.')})",
-        "Use the registered file of data/sources.csv",
-    )

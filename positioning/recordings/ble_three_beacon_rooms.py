@@ -12,7 +12,7 @@ import pandas as pd
 from positioning.errors import InputError
 from positioning.geometry import pairwise_distance_m
 from positioning.model import Array, Calibration, Recording, Site, Truth, Worlds
-from positioning.recordings.register import find_file
+from positioning.recordings.register import find_file, unreadable
 
 SCENARIOS = (1, 2)
 TECHNOLOGIES = ("ble", "wifi", "zigbee")
@@ -125,9 +125,6 @@ def _read(folder: str | Path, file: str, columns: list[str]) -> pd.DataFrame:
         if table.empty or not np.isfinite(table.to_numpy()).all():
             raise ValueError("there is no row, or a cell is empty or not finite")
     except (ValueError, UnicodeError) as error:
-        raise InputError(
-            f"ble_three_beacon_rooms, file {file}",
-            f"the columns {', '.join(columns)} cannot be read as numbers ({str(error).rstrip('.')})",
-            "Use the registered file of data/sources.csv",
-        ) from error
+        what = f"the columns {', '.join(columns)}"
+        raise unreadable("ble_three_beacon_rooms", file, what, error) from error
     return table

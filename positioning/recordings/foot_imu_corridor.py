@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.io import loadmat
 
 from positioning.errors import InputError
 from positioning.model import Array, Recording, Site, Truth, Worlds
 from positioning.recordings.foot_imu_mocap import check_strides, runs_of, start_of
-from positioning.recordings.register import find_file
+from positioning.recordings.mat_file import read_mat
+from positioning.recordings.register import find_file, unreadable
 
 WALKS = (31, 33, 34, 36)
 
@@ -176,7 +176,8 @@ def _readings(folder: str | Path, file: str) -> _Walk:
         if (np.diff(time_s) <= 0).any():
             raise ValueError("the time does not increase")
     except (ValueError, TypeError, LookupError) as error:
-        raise _unreadable(file, f"the columns Time, {', '.join(READINGS)}", error) from error
+        what = f"the columns Time, {', '.join(READINGS)}"
+        raise unreadable("foot_imu_corridor", file, what, error) from error
     force, rate, magnetic = (part * SENSOR_AXES for part in np.split(values, 3, axis=1))
     return _Walk(
         time_s=time_s - time_s[0],
@@ -190,7 +191,7 @@ def _control_points(folder: str | Path, file: str) -> Array:
     """Return where the foot stands after each stride, [strides + 1, 2], metres; the first is the start."""
     path = find_file(folder, file)
     try:
-        content = loadmat(path)
+        content = read_mat(path)
         place_m = np.asarray(content["GCP_meters"], dtype=float)
         number = np.ravel(content["GCP_stride_numbers"])
         count = int(np.ravel(content["numberOfStrides"])[0]) + 1
@@ -198,17 +199,7 @@ def _control_points(folder: str | Path, file: str) -> Array:
             raise ValueError(f"GCP_meters has the shape {place_m.shape} for {count - 1} strides")
         if not np.isfinite(place_m).all():
             raise ValueError("a place is not finite")
-    # NotImplementedError is SciPy's own for a file of MATLAB's version 7.3.
-    except (ValueError, TypeError, LookupError, NotImplementedError) as error:
-        raise _unreadable(
-            file, "the arrays GCP_meters, GCP_stride_numbers and numberOfStrides", error
-        ) from error
+    except (ValueError, TypeError, LookupError) as error:
+        what = "the arrays GCP_meters, GCP_stride_numbers and numberOfStrides"
+        raise unreadable("foot_imu_corridor", file, what, error) from error
     return place_m
-
-
-def _unreadable(file: str, what: str, error: Exception) -> InputError:
-    return InputError(
-        f"foot_imu_corridor, file {file}",
-        f"{what} cannot be read ({str(error).rstrip('.')})",
-        "Use the registered file of data/sources.csv",
-    )

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from positioning.errors import InputError
 from positioning.model import Recording, Site, Truth, Worlds
 from positioning.recordings.foot_imu_corridor import STANDARD_GRAVITY_M_PER_S2
-from positioning.recordings.register import find_file
+from positioning.recordings.register import find_file, unreadable
 
 FILE = "short_walk.csv"
 
@@ -66,11 +65,7 @@ def load(folder: str | Path) -> Worlds:
         if len(values) < 2 or (np.diff(values[:, 0]) <= 0).any():
             raise ValueError("the time does not increase")
     except (ValueError, TypeError) as error:
-        raise InputError(
-            f"foot_imu_loop, file {FILE}",
-            f"the columns {', '.join(COLUMNS)} cannot be read ({str(error).rstrip('.')})",
-            "Use the registered file of data/sources.csv",
-        ) from error
+        raise unreadable("foot_imu_loop", FILE, f"the columns {', '.join(COLUMNS)}", error) from error
     time_s = values[:, 0] - values[0, 0]
     force_m_per_s2 = values[:, 1:4] * STANDARD_GRAVITY_M_PER_S2
     site = Site(corner_m=np.array([[[-REACH_M, -REACH_M], [REACH_M, REACH_M]]]))

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.io import loadmat
 
 from positioning.errors import InputError
 from positioning.model import Array, Recording, Site, Truth, Worlds
-from positioning.recordings.register import find_file
+from positioning.recordings.mat_file import read_mat
+from positioning.recordings.register import find_file, unreadable
 
 NAMES = (
     "2017-11-22-11-22-03",
@@ -303,7 +303,7 @@ def _mean_of_runs(
 def _read(folder: str | Path, file: str, labels: str) -> _Trial:
     path = find_file(folder, file)
     try:
-        content = loadmat(path)
+        content = read_mat(path)
         if labels == "best":
             labels = str(np.ravel(content["best_detector"])[0]).strip()
         if labels not in DETECTORS:
@@ -319,13 +319,9 @@ def _read(folder: str | Path, file: str, labels: str) -> _Trial:
             raise ValueError("a value is not finite")
         if (np.diff(time_s) <= 0).any():
             raise ValueError("the time does not increase")
-    # NotImplementedError is SciPy's own for a file of MATLAB's version 7.3.
-    except (ValueError, TypeError, LookupError, NotImplementedError) as error:
-        raise InputError(
-            f"foot_imu_mocap, file {file}",
-            f"the arrays imu, ts, gt, best_detector and the labels cannot be read ({str(error).rstrip('.')})",
-            "Use the registered file of data/sources.csv",
-        ) from error
+    except (ValueError, TypeError, LookupError) as error:
+        what = "the arrays imu, ts, gt, best_detector and the labels"
+        raise unreadable("foot_imu_mocap", file, what, error) from error
     return _Trial(
         time_s=time_s,
         force_m_per_s2=imu[:, :3] * SENSOR_AXES,

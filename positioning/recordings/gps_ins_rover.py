@@ -4,6 +4,7 @@ Measured by O. Lamarre, O. Limoyo, F. Maric and J. Kelly (University of Toronto)
 Space Agency: the first half of one run.
 """
 
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +14,7 @@ import pandas as pd
 from positioning.errors import InputError
 from positioning.inertial.geodetic import attitude_of, position_scale_m, roll_pitch_yaw, to_local
 from positioning.model import Array, Recording, Site, Truth, Worlds
-from positioning.recordings.register import find_file
+from positioning.recordings.register import find_file, unreadable
 
 IMU, GPS, REFERENCE = "imu.csv", "gps_raw.csv", "reference_pose.csv"
 
@@ -135,17 +136,19 @@ def load(
     InputError
         For an option out of its limits, or a file that is missing or is not this data set's.
     """
-    files = _Files(*(_read(folder, file) for file in (IMU, GPS, REFERENCE)))
-    end_s = min(table[-1, 0] for table in files)
-    _check_options(
-        end_s,
-        lever_arm,
+    options = partial(
+        _check_options,
+        lever_arm=lever_arm,
         outage_from_s=outage_from_s,
         outage_s=outage_s,
         gps_interval_s=gps_interval_s,
         align_s=align_s,
         settle_s=settle_s,
     )
+    # First for a drive without an end: what is wrong anyhow is told before any file is read.
+    options(np.inf)
+    files = _Files(*(_read(folder, file) for file in (IMU, GPS, REFERENCE)))
+    options(min(table[-1, 0] for table in files))
     imu_time_s = files.imu[:, 0]
     force_m_per_s2, rate_rad_per_s = files.imu[:, 1:4] @ BODY_OF_UNIT.T, files.imu[:, 4:] @ BODY_OF_UNIT.T
     geodetic = np.column_stack([np.radians(files.gps[:, 1:3]), files.gps[:, 3]])
@@ -220,9 +223,10 @@ def _check_options(
     for name, (value, low, high) in limits.items():
         # NaN is outside as well.
         if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+            words = f"from {low:g} s on" if np.isinf(high) else f"from {low:g} to {high:.0f} s"
             raise InputError(
                 f"gps_ins_rover, option {name}",
-                f"{value!r} is not a number from {low:g} to {high:.0f} s",
+                f"{value!r} is not a number {words}",
                 "Stay within the drive, and let an outage begin after the alignment",
             )
 
@@ -299,9 +303,5 @@ def _read(folder: str | Path, file: str) -> Array:
         if (np.diff(values[:, 0]) <= 0).any():
             raise ValueError("the time does not increase")
     except (ValueError, TypeError) as error:
-        raise InputError(
-            f"gps_ins_rover, file {file}",
-            f"the columns {', '.join(columns)} cannot be read as numbers ({str(error).rstrip('.')})",
-            "Use the registered file of data/sources.csv",
-        ) from error
+        raise unreadable("gps_ins_rover", file, f"the columns {', '.join(columns)}", error) from error
     return np.asarray(values)

@@ -14,7 +14,7 @@ from scipy.signal import find_peaks
 
 from positioning.errors import InputError
 from positioning.model import Array, Query, Recording, Site, Survey, Truth, Walks, Worlds
-from positioning.recordings.register import find_file
+from positioning.recordings.register import find_file, unreadable
 
 WALKS = {
     "final1": ("train_final1", 4),
@@ -242,11 +242,8 @@ def _read(folder: str | Path, file: str) -> Array:
         if not (values[:, :ACCESS_POINTS] < 0).all():
             raise ValueError("a strength is not below 0 dBm")
     except (ValueError, TypeError) as error:
-        raise InputError(
-            f"phone_wifi_imu_library, file {file}",
-            f"{ACCESS_POINTS} strengths, x and y in each row cannot be read ({str(error).rstrip('.')})",
-            "Use the registered file of data/sources.csv",
-        ) from error
+        what = f"{ACCESS_POINTS} strengths, x and y in each row"
+        raise unreadable("phone_wifi_imu_library", file, what, error) from error
     return np.asarray(values)
 
 
@@ -262,10 +259,6 @@ def _inertial(folder: str | Path, file: str, scans: int) -> Array:
         if not np.isfinite(values).all():
             raise ValueError("a cell is empty or not finite")
     except (ValueError, TypeError) as error:
-        raise InputError(
-            f"phone_wifi_imu_library, file {file}",
-            f"{INERTIAL} readings in each of {SENSOR_HZ} rows between two scans cannot be read"
-            f" ({str(error).rstrip('.')})",
-            "Use the registered file of data/sources.csv",
-        ) from error
+        what = f"{INERTIAL} readings in each of {SENSOR_HZ} rows between two scans"
+        raise unreadable("phone_wifi_imu_library", file, what, error) from error
     return np.asarray(values)

@@ -199,6 +199,27 @@ def find_file(folder: str | Path, file: str) -> Path:
     return path
 
 
+def unreadable(source: str, file: str, what: str, error: Exception | str) -> InputError:
+    """Return the error of an adapter whose registered file is damaged, or is another one.
+
+    Parameters
+    ----------
+    source
+        The data set.
+    file
+        The file, relative to the folder of the source.
+    what
+        What was to be read from it: ``the columns x_m, y_m``.
+    error
+        What is wrong with it.
+    """
+    return InputError(
+        f"{source}, file {file}",
+        f"{what} cannot be read ({str(error).rstrip('.')})",
+        "Use the registered file of data/sources.csv",
+    )
+
+
 def _fault(column: str, cell: str) -> tuple[str, str]:
     """Say what is wrong with a cell and what helps; empty where nothing is."""
     if not cell:

@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.io import loadmat
 
 from positioning.errors import InputError
 from positioning.geometry import pairwise_distance_m
 from positioning.model import Array, Recording, Site, Truth, Worlds
-from positioning.recordings.register import find_file
+from positioning.recordings.mat_file import read_mat
+from positioning.recordings.register import find_file, unreadable
 
 NAMES = ("plaza1", "labyrinth")
 
@@ -215,7 +215,8 @@ def _mean_of_cells(
 def _plaza(folder: str | Path) -> _Run:
     path = find_file(folder, PLAZA)
     try:
-        arrays = {key: np.asarray(loadmat(path)[key], dtype=float) for key in PLAZA_COLUMNS}
+        content = read_mat(path)
+        arrays = {key: np.asarray(content[key], dtype=float) for key in PLAZA_COLUMNS}
         for key, columns in PLAZA_COLUMNS.items():
             values = arrays[key]
             if values.ndim != 2 or values.shape[1] != columns or not len(values):
@@ -234,9 +235,9 @@ def _plaza(folder: str | Path) -> _Run:
         index = np.array([place.get(number, -1) for number in measured[:, 2]])
         if (index < 0).any():
             raise ValueError("TD has a beacon that TL has not")
-    # NotImplementedError is SciPy's own for a file of MATLAB's version 7.3.
-    except (ValueError, TypeError, LookupError, NotImplementedError) as error:
-        raise _unreadable(PLAZA, f"the arrays {', '.join(PLAZA_COLUMNS)}", error) from error
+    except (ValueError, TypeError, LookupError) as error:
+        what = f"the arrays {', '.join(PLAZA_COLUMNS)}"
+        raise unreadable("robot_range_odometry", PLAZA, what, error) from error
     time_s = pose[:, 0] - pose[0, 0]
     duration_s = np.diff(time_s)
     return _Run(
@@ -261,13 +262,19 @@ def _labyrinth(folder: str | Path) -> _Run:
     (pose,) = _lines(folder, LABYRINTH_TRUTH, ("point2",))
     for file, times_s in ((LABYRINTH, wheels[:, 0]), (LABYRINTH_TRUTH, pose[:, 0])):
         if len(times_s) < 2 or (np.diff(times_s) <= 0).any():
-            raise _unreadable(file, "the times", ValueError("they are fewer than two, or do not increase"))
+            raise unreadable(
+                "robot_range_odometry", file, "the times", "they are fewer than two, or do not increase"
+            )
     _, first_row, index = np.unique(measured[:, 5], return_index=True, return_inverse=True)
     beacon_m = measured[first_row, 3:5]
     if (measured[:, 3:5] != beacon_m[index]).any():
-        raise _unreadable(LABYRINTH, "the places of the modules", ValueError("a module has two of them"))
+        raise unreadable(
+            "robot_range_odometry", LABYRINTH, "the places of the modules", "a module has two of them"
+        )
     if (wheels[:, 4] <= 0).any():
-        raise _unreadable(LABYRINTH, "the distance between the wheels", ValueError("it is not positive"))
+        raise unreadable(
+            "robot_range_odometry", LABYRINTH, "the distance between the wheels", "it is not positive"
+        )
     time_s, start_s = wheels[:, 0] - pose[0, 0], pose[0, 0]
     # Left, right, half the distance between the wheels, whatever the file's own description says: see load.
     gyro_rad_per_s = (wheels[:, 2] - wheels[:, 1]) / (2 * wheels[:, 4])
@@ -304,7 +311,7 @@ def _lines(folder: str | Path, file: str, kinds: tuple[str, ...]) -> list[Array]
         if not all(values.size and np.isfinite(values).all() for values in found):
             raise ValueError("a kind has no line, or a number is not finite")
     except ValueError as error:
-        raise _unreadable(file, f"lines of {' and '.join(kinds)}", error) from error
+        raise unreadable("robot_range_odometry", file, f"lines of {' and '.join(kinds)}", error) from error
     return found
 
 
@@ -327,11 +334,3 @@ def _check_options(name: str, window_s: float, offset_from_first_s: float) -> No
             f"{offset_from_first_s} is no length of time",
             "Give seconds, or 0 for ranges as they are",
         )
-
-
-def _unreadable(file: str, what: str, error: Exception) -> InputError:
-    return InputError(
-        f"robot_range_odometry, file {file}",
-        f"{what} cannot be read ({str(error).rstrip('.')})",
-        "Use the registered file of data/sources.csv",
-    )

@@ -12,7 +12,7 @@ import pandas as pd
 from positioning.errors import InputError
 from positioning.geometry import pairwise_distance_m
 from positioning.model import Array, Calibration, Recording, Site, Survey, Truth, Worlds
-from positioning.recordings.register import find_file
+from positioning.recordings.register import find_file, unreadable
 from positioning.recordings.robot_range_odometry import motion_between
 
 RUNS = ("exp1", "exp2", "exp2.1", "exp2.3", "exp3", "exp3.1", "exp3.3", "exp4", "exp4.1", "exp4.3")
@@ -145,11 +145,7 @@ def _read(folder: str | Path, run: str) -> tuple[pd.DataFrame, Array]:
         if not (rss_dbm[heard] < 0).all() or np.isinf(rss_dbm).any():
             raise ValueError("a strength that was heard is not below 0 dBm")
     except (ValueError, TypeError) as error:
-        raise InputError(
-            f"robot_rssi_odometry, file {file}",
-            f"the columns {', '.join(columns)} cannot be read as numbers ({str(error).rstrip('.')})",
-            "Use the registered file of data/sources.csv",
-        ) from error
+        raise unreadable("robot_rssi_odometry", file, f"the columns {', '.join(columns)}", error) from error
     return table, np.where(heard, rss_dbm, np.nan)
 
 

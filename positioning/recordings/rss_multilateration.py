@@ -13,7 +13,7 @@ import pandas as pd
 from positioning.errors import InputError
 from positioning.geometry import pairwise_distance_m
 from positioning.model import Array, Calibration, Recording, Site, Truth, Worlds
-from positioning.recordings.register import find_file
+from positioning.recordings.register import find_file, unreadable
 
 TECHNOLOGIES = ("ble", "wifi")
 LINE_M = (5, 10, 15, 20, 25)
@@ -128,7 +128,8 @@ def _windows(folder: str | Path, file: str, technology: str, window_s: float) ->
         if not (np.isfinite(rss_dbm).all() and np.isfinite(time_s).all()):
             raise ValueError("a cell is empty or not finite")
     except (KeyError, ValueError) as error:
-        raise _unreadable(file, f"Timestamp, {RSS_COLUMNS[0]}", error) from error
+        what = f"the columns Timestamp, {RSS_COLUMNS[0]}"
+        raise unreadable("rss_multilateration", file, what, error) from error
     number = ((time_s - time_s.min()) // window_s).astype(int)
     measured = rss_dbm != NOT_MEASURED_DBM
     return rss_dbm[measured].groupby(number[measured]).mean()
@@ -147,7 +148,7 @@ def _place(folder: str | Path, file: str, column: str) -> Array:
         x, y = str(cell).split(", ")
         return np.array([float(x), float(y)])
     except (KeyError, ValueError) as error:
-        raise _unreadable(file, column, error) from error
+        raise unreadable("rss_multilateration", file, f"the column {column}", error) from error
 
 
 def _read(folder: str | Path, file: str) -> pd.DataFrame:
@@ -157,13 +158,5 @@ def _read(folder: str | Path, file: str) -> pd.DataFrame:
         if table.empty:
             raise ValueError("there is no row")
     except (ValueError, UnicodeError) as error:
-        raise _unreadable(file, "Timestamp", error) from error
+        raise unreadable("rss_multilateration", file, "the column Timestamp", error) from error
     return table
-
-
-def _unreadable(file: str, columns: str, error: Exception) -> InputError:
-    return InputError(
-        f"rss_multilateration, file {file}",
-        f"the columns {columns} cannot be read ({str(error).rstrip('.')})",
-        "Use the registered file of data/sources.csv",
-    )

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.io import loadmat
 
 from positioning.errors import InputError
 from positioning.model import Array, Query, Site, Survey, Truth, Worlds
+from positioning.recordings.mat_file import read_mat
 from positioning.recordings.register import find_file
 
 NAMES = ("DSI1", "LIB1", "TUT1", "TUT3", "UJI1")
@@ -99,11 +99,10 @@ def _read(folder: str | Path, file: str) -> list[Array]:
     """Return survey strengths and labels, then those of the query; NaN for what was not heard."""
     path = find_file(folder, file)
     try:
-        database = loadmat(path, squeeze_me=True, struct_as_record=False)["database"]
+        database = read_mat(path, squeeze=True)["database"]
         # Some fields are 16-bit integers, whose squared differences overflow.
         arrays = [np.asarray(getattr(database, field), dtype=float) for field in _FIELDS]
-    except Exception as error:
-        # A damaged file makes the reader fail in many ways, down to its decompressor.
+    except (ValueError, TypeError, LookupError, AttributeError) as error:
         raise InputError(
             f"wifi_fingerprint_collection, file {file}",
             f"it holds no struct 'database' with {', '.join(_FIELDS)} ({type(error).__name__})",

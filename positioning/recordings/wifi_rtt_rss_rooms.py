@@ -11,7 +11,7 @@ import pandas as pd
 
 from positioning.errors import InputError
 from positioning.model import Site, Survey, Truth, Worlds
-from positioning.recordings.register import find_file
+from positioning.recordings.register import find_file, unreadable
 
 AREAS = ("lecture_theatre", "corridor")
 SCANS = ("mean", "first")
@@ -85,8 +85,4 @@ def _read(folder: str | Path, file: str, columns: list[str]) -> pd.DataFrame:
     except (ValueError, UnicodeError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(
-            f"wifi_rtt_rss_rooms, file {file}",
-            f"the columns {', '.join(columns)} cannot be read as numbers ({str(error).rstrip('.')})",
-            "Use the registered file of data/sources.csv",
-        ) from error
+        raise unreadable("wifi_rtt_rss_rooms", file, f"the columns {', '.join(columns)}", error) from error

@@ -17,13 +17,12 @@ from positioning.geometry import wall_crossings
 from positioning.inertial.geodetic import (
     attitude_of,
     earth_rate_ned_rad_per_s,
-    navigate,
     roll_pitch_yaw,
     surroundings,
     to_geodetic,
     transport_rate_rad_per_s,
-    travelled,
 )
+from positioning.inertial.geodetic_strapdown import navigate, travelled
 from positioning.inertial.gps import antenna
 from positioning.inertial.landmarks import from_sensor_m, sighting_of
 from positioning.inertial.strapdown import GRAVITY_M_PER_S2

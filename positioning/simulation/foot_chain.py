@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from positioning.inertial.foot import FootFilter, foot_navigation
+from positioning.inertial.foot import foot_navigation
+from positioning.inertial.foot_settings import FootFilter
 from positioning.inertial.rest import spans
 from positioning.inertial.strapdown import readings
 from positioning.model import Array, Recording, Site

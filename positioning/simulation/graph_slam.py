@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from positioning.errors import InputError
 from positioning.geometry import pairwise_distance_m
-from positioning.inertial.foot import FootFilter
+from positioning.inertial.foot_settings import FootFilter
 from positioning.model import Array, Query, Site, Survey, Truth, Walks, Worlds
 from positioning.radio import interpolate, path_loss_dbm, receive
 from positioning.simulation.dead_reckoning import FootDraws, FootErrors, dead_reckon, draw_foot

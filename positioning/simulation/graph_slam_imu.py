@@ -22,7 +22,7 @@ def simulate(settings: Mapping[str, Any], rngs: Sequence[np.random.Generator]) -
     settings
         As there, and ``gait``, ``accelerometer``, ``gyro`` and ``foot_filter``: fields of
         `positioning.simulation.gait.Gait`, `positioning.simulation.imu.Triad` and
-        `positioning.inertial.foot.FootFilter`; ``imu_rate_hz``.
+        `positioning.inertial.foot_settings.FootFilter`; ``imu_rate_hz``.
     rngs
         One generator for each world; equal seeds give worlds that differ in the dead reckoning alone.
 

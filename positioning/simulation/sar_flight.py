@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from positioning.errors import InputError
-from positioning.inertial.geodetic import MOST_LATITUDE_RAD, position_scale_m, readings, to_local
+from positioning.inertial.geodetic import MOST_LATITUDE_RAD, position_scale_m, to_local
+from positioning.inertial.geodetic_strapdown import readings
 from positioning.inertial.strapdown import GRAVITY_M_PER_S2
 from positioning.model import Array, Recording, Site, Truth, Worlds
 from positioning.simulation.flight import (

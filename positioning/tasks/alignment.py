@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from positioning.errors import InputError
+from positioning.answers import checked_answer, checked_array, stacked_extra
 from positioning.geometry import rigid_fit, rotated
 from positioning.model import Aligned, Arrays, Truth, Walks, world
 from positioning.registry import Factory
@@ -64,9 +64,9 @@ def run(
         aligned = algorithm.align(walks, rng)
         seconds.append(perf_counter() - start)
         answers.append(_checked(aligned, walks))
-    estimates = {
-        "position_m": np.stack([np.asarray(aligned.position_m, dtype=float) for aligned in answers]),
-        "heading_rad": np.stack([np.asarray(aligned.heading_rad, dtype=float) for aligned in answers]),
+    estimates: dict[str, NDArray[np.generic]] = {
+        "position_m": np.stack([aligned.position_m for aligned in answers]),
+        "heading_rad": np.stack([aligned.heading_rad for aligned in answers]),
     }
     estimates |= stacked_extra([aligned.extra for aligned in answers])
     return Outcome(estimates=estimates, seconds=np.array(seconds))
@@ -140,53 +140,16 @@ def lay_on_first_pose(
     return np.asarray(rotated(relative_m, turn_rad) + path_m[:, :1, :1])
 
 
-def stacked_extra(extras: Sequence[Mapping[str, NDArray[np.generic]]]) -> dict[str, NDArray[np.generic]]:
-    """Return what algorithms keep beside their answers, with a world axis, named ``extra_<name>``.
-
-    Raises
-    ------
-    InputError
-        For a world without what the first one has, or with another shape.
-    """
-    stacked = {}
-    for name in extras[0]:
-        values = [np.asarray(extra[name]) for extra in extras if name in extra]
-        if len(values) < len(extras) or len({value.shape for value in values}) > 1:
-            limit = "it is not there with the same shape in every world"
-            raise InputError(f"its answer, extra[{name!r}]", limit, "Correct the algorithm")
-        stacked[f"extra_{name}"] = np.stack(values)
-    return stacked
-
-
-def _checked(aligned: Any, walks: Walks) -> Aligned:
-    if not isinstance(aligned, Aligned):
-        raise InputError(
-            "its answer",
-            f"align gave a {type(aligned).__name__}, an Aligned of positioning.model is needed",
-            "Return Aligned(position_m=..., heading_rad=...), of shapes [walk, pose, 2] and [walk, pose]",
-        )
-    if not isinstance(aligned.extra, Mapping):
-        limit = f"it is a {type(aligned.extra).__name__}"
-        raise InputError("its answer, extra", limit, "Give a dict of arrays by name")
-    there = ~np.isnan(walks.time_s)
-    for name, values, shape in (
-        ("position_m", aligned.position_m, (*there.shape, 2)),
-        ("heading_rad", aligned.heading_rad, there.shape),
-    ):
-        try:
-            found = np.asarray(values, dtype=float)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"its answer, {name}", "it is no array", "Correct the algorithm") from error
-        if found.shape != shape:
-            raise InputError(
-                f"its answer, {name}",
-                f"the shape is {found.shape}, {shape} is needed",
-                "Correct the algorithm",
-            )
-        finite = np.isfinite(found.reshape(*there.shape, -1)).all(axis=-1)
-        if not finite[there].all():
-            walk, pose = (int(i) for i in np.argwhere(there & ~finite)[0])
-            raise InputError(
-                f"its answer, {name}[walk {walk}, pose {pose}]", "it is not finite", "Correct the algorithm"
-            )
-    return aligned
+def _checked(answer: Any, walks: Walks) -> Aligned:
+    aligned = checked_answer(
+        answer,
+        Aligned,
+        "align",
+        "an Aligned of positioning.model",
+        "Return Aligned(position_m=..., heading_rad=...), of shapes [walk, pose, 2] and [walk, pose]",
+    )
+    there, axes = ~np.isnan(walks.time_s), ("walk", "pose")
+    return aligned._replace(
+        position_m=checked_array("position_m", aligned.position_m, there, (2,), axes),
+        heading_rad=checked_array("heading_rad", aligned.heading_rad, there, (), axes),
+    )

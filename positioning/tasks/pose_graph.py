@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from positioning.answers import checked_answer, checked_array, stacked_extra
 from positioning.errors import InputError
 from positioning.geometry import rigid_fit, rotated
 from positioning.model import Arrays, world
 from positioning.posegraph.graph import PoseGraph, Solved
 from positioning.registry import Factory
 from positioning.tasks import Outcome
-from positioning.tasks.alignment import stacked_extra
 
 OPTIONS: tuple[str, ...] = ()
 QUANTITY = "position"
@@ -158,27 +158,20 @@ def fit_to(position_m: NDArray[np.float64], true_m: NDArray[np.float64]) -> NDAr
     return fitted_m
 
 
-def _checked(solved: Any, graph: PoseGraph) -> Solved:
-    if not isinstance(solved, Solved):
-        raise InputError(
-            "its answer",
-            f"solve gave a {type(solved).__name__}, a Solved of positioning.posegraph.graph is needed",
-            "Return Solved(pose), of the shape [pose, 3]",
-        )
-    if not isinstance(solved.extra, Mapping):
-        limit = f"it is a {type(solved.extra).__name__}"
-        raise InputError("its answer, extra", limit, "Give a dict of arrays by name")
-    thing, cure = "its answer, pose", "Correct the algorithm"
-    try:
-        found = np.asarray(solved.pose, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(thing, "it is no array", cure) from error
-    if found.shape != graph.pose.shape:
-        raise InputError(thing, f"the shape is {found.shape}, {graph.pose.shape} is needed", cure)
-    finite = np.isfinite(found).all(axis=-1)
-    if not finite.all():
-        raise InputError(f"{thing}[{int(np.argmin(finite))}]", "it is not finite", cure)
-    moved = np.asarray(graph.fixed & ~np.isclose(found, graph.pose, rtol=0, atol=1e-6).all(axis=-1))
+def _checked(answer: Any, graph: PoseGraph) -> Solved:
+    solved = checked_answer(
+        answer,
+        Solved,
+        "solve",
+        "a Solved of positioning.posegraph.graph",
+        "Return Solved(pose), of the shape [pose, 3]",
+    )
+    pose = checked_array("pose", solved.pose, np.ones(len(graph.pose), dtype=bool), (3,))
+    moved = np.asarray(graph.fixed & ~np.isclose(pose, graph.pose, rtol=0, atol=1e-6).all(axis=-1))
     if moved.any():
-        raise InputError(f"{thing}[{int(np.argmax(moved))}]", "the pose is fixed, and has moved", cure)
-    return Solved(found, solved.extra)
+        raise InputError(
+            f"its answer, pose[{int(np.argmax(moved))}]",
+            "the pose is fixed, and has moved",
+            "Correct the algorithm",
+        )
+    return Solved(pose, solved.extra)

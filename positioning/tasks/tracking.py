@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from positioning.answers import checked_array
 from positioning.errors import InputError
 from positioning.model import Arrays, Recording, Track
 from positioning.ranging import TooManyCombinations
@@ -169,25 +170,9 @@ def _check_times(track: Any, recording: Recording) -> None:
 
 def _check(track: Track, stacked: Stack) -> None:
     asked = ~np.isnan(stacked.recording.time_s)
-    position_m, covariance_m2 = np.asarray(track.position_m), np.asarray(track.covariance_m2)
-    expected = (*asked.shape, 2), (*asked.shape, 2, 2)
-    if (position_m.shape, covariance_m2.shape) != expected:
-        raise InputError(
-            "its answer",
-            f"position_m {position_m.shape} and covariance_m2 {covariance_m2.shape}; {expected[0]} and"
-            f" {expected[1]} are needed",
-            "Correct the algorithm",
-        )
-    for name, values in (("position_m", position_m), ("covariance_m2", covariance_m2)):
-        if not np.isfinite(values[asked]).all():
-            where = tuple(
-                int(i) for i in np.argwhere(~np.isfinite(values).reshape(*asked.shape, -1).all(-1) & asked)[0]
-            )
-            raise InputError(
-                f"its answer, {name}[recording {where[0]}, epoch {where[1]}]",
-                "it is not finite",
-                "Correct the algorithm",
-            )
+    axes = ("recording", "epoch")
+    checked_array("position_m", track.position_m, asked, (2,), axes)
+    covariance_m2 = checked_array("covariance_m2", track.covariance_m2, asked, (2, 2), axes)
     smallest = np.linalg.eigvalsh(covariance_m2[asked])[..., 0]
     if not (smallest >= -1e-9 * np.abs(covariance_m2[asked]).max(axis=(-1, -2), initial=0.0)).all():
         raise InputError(

@@ -8,7 +8,7 @@ from functools import cache
 from importlib.machinery import PathFinder
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 LOCAL = ("algorithms", "positioning")
 
@@ -144,6 +144,35 @@ def constructor_defaults(source: str, class_name: str) -> dict[str, Any]:
                             found[argument.arg] = ast.literal_eval(default)
                 return found
     return {}
+
+
+class Keyword(NamedTuple):
+    """A keyword-only parameter: what it may be, and whether it must be given."""
+
+    choices: Choices
+    needed: bool
+
+
+def keywords(source: str, function: str) -> dict[str, Keyword] | None:
+    """Return the keyword-only parameters of a function of a module without importing it.
+
+    Parameters
+    ----------
+    source
+        The file.
+    function
+        Its name; it stands on the level of the module.
+
+    Returns
+    -------
+    dict or None
+        None where only the import can tell: it is imported or made there, or takes any name.
+    """
+    for item in _parsed(source).body:
+        if isinstance(item, ast.FunctionDef) and item.name == function and item.args.kwarg is None:
+            pairs = zip(item.args.kwonlyargs, item.args.kw_defaults, strict=True)
+            return {arg.arg: Keyword(_choices(arg.annotation, source), own is None) for arg, own in pairs}
+    return None
 
 
 def methods(source: str, class_name: str) -> set[str] | None:

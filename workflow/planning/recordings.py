@@ -5,7 +5,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from planning.config import Study
+from planning.study import Study
 
 REGISTER = Path("data/sources.csv")
 

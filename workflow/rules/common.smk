@@ -9,6 +9,7 @@ sys.path.insert(0, str(Path(workflow.basedir) / "workflow"))
 from planning.code import code_of
 from planning.config import resolve
 from planning.recordings import drop_absent, files_of
+from planning.values import check_options, check_values
 from positioning.errors import InputError
 from positioning.files import read_yaml
 from positioning.presentation.captions import Captions, label
@@ -18,7 +19,12 @@ from snakemake.exceptions import WorkflowError
 sys.executable = shlex.quote(sys.executable)
 
 try:
-    STUDIES = drop_absent(resolve(config), Path(config["folders"]["realdata"]))
+    planned = resolve(config)
+    check_options(planned)
+    STUDIES = drop_absent(planned, Path(config["folders"]["realdata"]))
+    # A job of a cluster reads this file, too: what the first start has tried need not be tried again.
+    if workflow.is_main_process:
+        check_values(STUDIES, config["studies"])
 except InputError as error:
     raise WorkflowError(str(error)) from None
 

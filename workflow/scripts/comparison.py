@@ -7,14 +7,15 @@ from typing import Any
 import pandas as pd
 import pyarrow.parquet as pq
 
-from positioning.evaluation import comparison
+from positioning.evaluation.comparison import compare
+from positioning.evaluation.comparison_lines import StudyTables
 from positioning.files import read_json, replacing, write_text
 from positioning.joblog import logging_to
-from positioning.presentation import comparison as drawn
-from positioning.presentation import figures, tables
+from positioning.presentation import comparison_figures, figures, tables
+from positioning.presentation.comparison import page
 
 
-def read_study(study: str, plan: Mapping[str, Any], files: Mapping[str, str]) -> comparison.StudyTables:
+def read_study(study: str, plan: Mapping[str, Any], files: Mapping[str, str]) -> StudyTables:
     """Read what a comparison needs of a study: ``table``, ``paired``, ``times`` and ``measures``."""
     worlds = pq.read_table(
         files["measures"],
@@ -22,7 +23,7 @@ def read_study(study: str, plan: Mapping[str, Any], files: Mapping[str, str]) ->
         filters=[("metric", "=", "mean_m")],
     ).to_pandas()
     times = tables.read_table(files["times"])
-    return comparison.StudyTables(
+    return StudyTables(
         study=study,
         title=plan["title"],
         kind="recorded" if plan["recordings"] else "synthetic",
@@ -63,15 +64,15 @@ def main(
         for number, (study, values) in enumerate(plan.items())
     ]
     known = pd.read_csv(accepted, dtype=str)
-    compared = comparison.compare(studies, zip(known["task"], known["algorithm"], strict=True))
+    compared = compare(studies, zip(known["task"], known["algorithm"], strict=True))
     folder = Path(output["folder"])
     folder.mkdir(parents=True, exist_ok=True)
     for task in compared:
         with replacing(folder / f"{task.task}.csv") as temporary:
             task.lines.to_csv(temporary, index=False, float_format="%.6g", lineterminator="\n")
-    figures.save(drawn.draw(compared), folder)
+    figures.save(comparison_figures.draw(compared), folder)
     quick = any(values["quick"] for values in plan.values())
-    write_text(output["html"], drawn.page(compared, folder, read_json(manifest), quick=quick))
+    write_text(output["html"], page(compared, folder, read_json(manifest), quick=quick))
 
 
 if __name__ == "__main__":

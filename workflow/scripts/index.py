@@ -4,9 +4,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from positioning.files import read_json, read_yaml, write_text
+from positioning.files import read_json, write_text
 from positioning.joblog import logging_to
 from positioning.presentation import front, ledger, method, pages, tables
+from positioning.presentation.papers import kinds_of, read_papers
 
 
 def main(
@@ -32,7 +33,7 @@ def main(
         The five files; the pages of the studies stand beside the first.
     """
     joined, build = tables.read_table(claims), read_json(manifest)
-    papers = {paper["key"]: paper for paper in map(read_yaml, files["papers"])}
+    papers = read_papers(files["papers"])
     quick = any(values["quick"] for values in plan.values())
     worlds = {study: pages.worlds_in_words(values) for study, values in plan.items()}
     figures, summaries = {}, []
@@ -55,7 +56,7 @@ def main(
                 picture=pictures[0] if pictures else None,
             )
         )
-    kinds = {claim["id"]: claim["kind"] for paper in papers.values() for claim in paper["claims"]}
+    kinds = kinds_of(papers.values())
     write_text(output["html"], front.front_page(summaries, papers, joined, build, quick=quick))
     write_text(output["claims"], ledger.claims_page(joined, kinds, papers, figures, build, quick=quick))
     write_text(output["method"], method.method_page(worlds, build, quick=quick))

@@ -5,9 +5,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from positioning.files import read_json, read_yaml, replacing, write_text
+from positioning.files import read_json, replacing, write_text
 from positioning.joblog import logging_to
 from positioning.presentation import pdf, tables
+from positioning.presentation.papers import kinds_of, read_papers
 
 
 def main(
@@ -33,7 +34,7 @@ def main(
         The two files.
     """
     ledger = tables.read_table(claims)
-    papers = {paper["key"]: paper for paper in map(read_yaml, files["papers"])}
+    papers = read_papers(files["papers"])
     chapters = [
         pdf.Chapter(
             study=study,
@@ -47,8 +48,7 @@ def main(
             plan.items(), files["tables"], files["figures"], strict=True
         )
     ]
-    kinds = {claim["id"]: claim["kind"] for paper in papers.values() for claim in paper["claims"]}
-    write_text(output["latex"], pdf.ledger_latex(ledger, kinds))
+    write_text(output["latex"], pdf.ledger_latex(ledger, kinds_of(papers.values())))
     seconds = int(os.environ.get("SOURCE_DATE_EPOCH", pdf.EPOCH))
     whole = pdf.report_pdf(chapters, read_json(manifest), seconds)
     with replacing(output["pdf"]) as temporary:

@@ -12,7 +12,8 @@ import pandas as pd
 from positioning.evaluation.tracks import Answer, Named, answers, lines, table
 from positioning.files import Tree
 from positioning.model import world
-from positioning.posegraph.optimiser import NearCost, cost
+from positioning.posegraph.costs import NearCost
+from positioning.posegraph.optimiser import cost
 from positioning.tasks.pose_graph import graph_of
 
 NEAR = NearCost.of_distance(1.0)

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from algorithms.access_points.fast_orthogonal_search import FastOrthogonalSearch
-from positioning.inertial.riss import REST_SPEED_M_PER_S, downsample, first_rest
+from positioning.inertial.riss_readings import REST_SPEED_M_PER_S, downsample, first_rest
 from positioning.model import Recording
 from positioning.presentation import figures
 from positioning.presentation.families import Study
