@@ -98,7 +98,27 @@ def test_saved_figures_repeat_to_the_byte_and_hold_their_fonts(tmp_path: Path) -
     assert files == {path.name: path.read_bytes() for path in (tmp_path / "second").iterdir()}
     assert files.keys() == {"fig1.svg", "fig1.pdf", "captions.json"}
     assert b"/FontFile2" in files["fig1.pdf"]
+    assert b"DejaVuSans" in files["fig1.pdf"]
     assert b"/Type3" not in files["fig1.pdf"]
+
+
+def test_a_figures_pdf_looks_like_its_svg_in_the_same_size(tmp_path: Path) -> None:
+    """The SVG has outlines of letters, which need no font: each letter stands at its place in the PDF."""
+    image = pytest.importorskip("PIL.Image")
+    import typst
+
+    save([drawn("fig1", points=200)], tmp_path)
+    seen = []
+    for kind in ("svg", "pdf"):
+        source = f'#set page(width: auto, height: auto, margin: 0pt, fill: white)\n#image("fig1.{kind}")'
+        (tmp_path / f"{kind}.typ").write_text(source)
+        made = typst.compile(str(tmp_path / f"{kind}.typ"), format="png", ppi=72.0)
+        shot = image.open(io.BytesIO(made if isinstance(made, bytes) else made[0])).convert("L")
+        seen.append(np.asarray(shot, dtype=float))
+    svg, made_pdf = seen
+    assert svg.shape == made_pdf.shape
+    assert np.mean(np.abs(svg - made_pdf) > 64) < 0.001
+    assert np.mean(svg < 128) > 0.005
 
 
 def test_the_report_has_bookmarks_fonts_and_a_time_that_is_given(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -21,7 +22,7 @@ from positioning.evaluation.results import StudyResults
 from positioning.evaluation.statistics import Interval, single_experiment_interval
 from positioning.files import write_text
 from positioning.presentation.style import GREY, WIDTH_IN, drawing, stroke
-from positioning.presentation.svg import compact
+from positioning.presentation.svg import compact, svg_to_pdf
 from positioning.presentation.tables import central
 from positioning.presentation.tones import is_control
 
@@ -91,7 +92,11 @@ def save(drawn: Iterable[Drawn], folder: str | Path) -> None:
             write_text(Path(folder) / f"{item.name}.svg", compact(text.getvalue()))
             # Both files have the one layout; it is not sought again.
             item.figure.set_layout_engine("none")
-            item.figure.savefig(Path(folder) / f"{item.name}.pdf", metadata={"CreationDate": None})
+            text = io.StringIO()
+            with mpl.rc_context({"svg.fonttype": "none"}):
+                item.figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+            pdf = svg_to_pdf(text.getvalue(), item.title)
+            (Path(folder) / f"{item.name}.pdf").write_bytes(pdf)
             captions.append(
                 {"name": item.name, "title": item.title, "caption": item.caption, "alt": item.alt}
             )

@@ -18,13 +18,11 @@ from positioning.presentation.claim_lines import claim_line
 from positioning.presentation.front import glance, in_short, shown_groups
 from positioning.presentation.pages import answer, build_lines, worlds_in_words
 from positioning.presentation.papers import kinds_of
+from positioning.presentation.svg import EPOCH
 from positioning.presentation.tones import PALETTES, TONES
 
 TEMPLATE = Path(__file__).parent / "templates" / "report.typ"
 """How the report is laid out; it holds no numbers and no texts of a study."""
-
-EPOCH = 0
-"""Seconds since 1970 that the file gives as its time: equal reports are equal to the byte."""
 
 
 @dataclass(frozen=True)

@@ -185,7 +185,6 @@ _SETTINGS: dict[Any, Any] = {
     "path.simplify_threshold": 0.4,
     "svg.fonttype": "path",
     "svg.hashsalt": "reposition",
-    "pdf.fonttype": 42,
 }
 
 

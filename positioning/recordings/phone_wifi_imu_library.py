@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
-from scipy.signal import find_peaks
 
 from positioning.errors import InputError
 from positioning.model import Array, Query, Recording, Site, Survey, Truth, Walks, Worlds
@@ -157,6 +156,8 @@ def dead_reckoned(inertial: Array, step_m: float) -> tuple[Array, Array]:
     heading_rad = np.cumsum(np.sum(turn_rate * up, axis=-1)) / SENSOR_HZ
     heading_rad -= heading_rad[0]
     felt = gaussian_filter1d(np.linalg.norm(force, axis=-1), _SMOOTH_S * SENSOR_HZ, mode="nearest")
+    from scipy.signal import find_peaks  # half a second, for which the planning of options need not wait
+
     steps, _ = find_peaks(
         felt - felt.mean(), height=_LEAST_PEAK_M_PER_S2, distance=int(_LEAST_STEP_S * SENSOR_HZ)
     )
