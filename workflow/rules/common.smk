@@ -18,14 +18,6 @@ from snakemake.exceptions import WorkflowError
 # Snakemake hands the interpreter's path to a shell without quotes (its issue 2645).
 sys.executable = shlex.quote(sys.executable)
 
-# A limit of submissions is for clusters. The default one, 100 a second, leaves a timer a finished job that wakes
-# the scheduler once a second until the end (Snakemake's issue 2967); only that one is lifted.
-scheduling = workflow.scheduling_settings
-if scheduling is not None and scheduling.max_jobs_per_timespan is not None:
-    limit = scheduling.max_jobs_per_timespan
-    if (limit.max_jobs, limit.timespan) == (100, 1):
-        scheduling.max_jobs_per_timespan = None
-
 try:
     planned = resolve(config)
     check_options(planned)
@@ -177,3 +169,11 @@ def claims_of_paper(study):
 
 def claims_of(study):
     return [claim for claim in claims_of_paper(study) if claim["study"] == study]
+
+
+onstart:
+    # A limit of submissions is for clusters. The default one, 100 a second, leaves a timer for every job that has
+    # run, and each wakes the scheduler once a second until the end (Snakemake's issue 2967).
+    limiter = workflow.scheduler.job_rate_limiter
+    if workflow.local_exec and (limiter.max_jobs, limiter.timespan) == (100, 1):
+        workflow.scheduler.job_rate_limiter = None
