@@ -10,7 +10,7 @@ paths: ``<family>/<type>.<field>``, for example ``building/survey.rss_dbm`` with
 import json
 import os
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -93,8 +93,15 @@ def write_tree(path: str | Path, tree: Mapping[str, Mapping[str, NDArray[np.gene
                     np.lib.format.write_array(file, np.asanyarray(value), allow_pickle=False)
 
 
-def read_tree(path: str | Path) -> Tree:
+def read_tree(path: str | Path, only: Collection[str] | None = None) -> Tree:
     """Read arrays named ``<branch>/<name>``; a name may itself hold slashes only in its branch.
+
+    Parameters
+    ----------
+    path
+        The archive.
+    only
+        Names of the arrays that are read; None: all of them.
 
     Raises
     ------
@@ -106,7 +113,8 @@ def read_tree(path: str | Path) -> Tree:
         with np.load(path, allow_pickle=False) as archive:
             for key in archive.files:
                 branch, _, name = key.rpartition("/")
-                tree.setdefault(branch, {})[name] = archive[key]
+                if only is None or name in only:
+                    tree.setdefault(branch, {})[name] = archive[key]
     except (zipfile.BadZipFile, ValueError, EOFError, OSError) as error:
         if isinstance(error, FileNotFoundError):
             raise

@@ -44,6 +44,8 @@ def test_trees_come_back(tmp_path_factory: pytest.TempPathFactory, tree: files.T
         for name, value in values.items():
             assert back[branch][name].dtype == value.dtype
             np.testing.assert_array_equal(back[branch][name], value)
+    some = {branch: {"x": values["x"]} for branch, values in tree.items() if "x" in values}
+    np.testing.assert_equal(files.read_tree(path, only=["x"]), some)
 
 
 def test_equal_trees_are_equal_bytes(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ def read_row_times(paths: Sequence[str], row: str) -> pd.DataFrame:
     """Return the seconds that one algorithm spent: ``family, algorithm, value, world, seconds``."""
     parts = []
     for path in sorted(paths):
-        for branch, step in read_tree(path).items():
+        for branch, step in read_tree(path, only=("world", "value", "seconds")).items():
             if len(step["seconds"]):
                 parts.append(
                     pd.DataFrame(

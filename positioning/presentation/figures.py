@@ -91,7 +91,7 @@ def save(drawn: Iterable[Drawn], folder: str | Path) -> None:
             item.figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
             write_text(Path(folder) / f"{item.name}.svg", compact(text.getvalue()))
             # Both files have the one layout; it is not sought again.
-            item.figure.set_layout_engine("none")
+            item.figure.set_layout_engine(None)
             text = io.StringIO()
             with mpl.rc_context({"svg.fonttype": "none"}):
                 item.figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
