@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from positioning.errors import InputError
 from positioning.inertial.earth import (
     EARTH_RATE_RAD_PER_S,
     ECCENTRICITY_SQUARED,
@@ -24,6 +23,7 @@ from positioning.inertial.earth import (
     meridian_radius_m,
     normal_radius_m,
 )
+from positioning.inertial.vectors import vectors
 from positioning.model import Array
 
 MOST_LATITUDE_RAD = np.radians(89.9)
@@ -253,17 +253,3 @@ def earth_rate_ned_rad_per_s(around: Surroundings) -> Array:
     return np.stack(
         [around.earth_rate_north, np.zeros_like(around.earth_rate_north), around.earth_rate_down], axis=-1
     )
-
-
-def vectors(name: str, values: ArrayLike) -> Array:
-    """Return an array of vectors with their three parts last, [..., 3].
-
-    Raises
-    ------
-    InputError
-        For another last axis, with the name of the array.
-    """
-    array = np.asarray(values, dtype=np.float64)
-    if array.ndim < 1 or array.shape[-1] != 3:
-        raise InputError(name, f"its shape is {array.shape}, not [..., 3]", "Put the three parts last")
-    return array

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from positioning.errors import InputError
-from positioning.inertial.geodetic import Surroundings, metres_per_unit, surroundings, vectors
+from positioning.inertial.geodetic import Surroundings, metres_per_unit, surroundings
 from positioning.inertial.strapdown import cross_matrix
+from positioning.inertial.vectors import vectors
 from positioning.model import Array
 
 POSITION, VELOCITY, ATTITUDE = slice(0, 3), slice(3, 6), slice(6, 9)

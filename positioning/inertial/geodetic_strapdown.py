@@ -24,9 +24,9 @@ from positioning.inertial.geodetic import (
     earth_rate_ned_rad_per_s,
     surroundings,
     transport_rate_rad_per_s,
-    vectors,
 )
 from positioning.inertial.strapdown import Readings, mean_rotation, rotation, rotation_vector
+from positioning.inertial.vectors import force_and_rate, vectors
 from positioning.model import Array
 
 # Three axes, and the first two again: the cross product is then a difference of two products of slices.
@@ -127,14 +127,7 @@ def navigate(
     InputError
         For shapes that do not fit, or a start at a pole.
     """
-    force = vectors("specific_force_m_per_s2", specific_force_m_per_s2)
-    rate = vectors("angular_rate_rad_per_s", angular_rate_rad_per_s)
-    if force.shape != rate.shape or force.ndim < 2:
-        raise InputError(
-            "specific_force_m_per_s2 and angular_rate_rad_per_s",
-            f"their shapes {force.shape} and {rate.shape} are not both [..., i, 3]",
-            "Give one of each a sample",
-        )
+    force, rate = force_and_rate(specific_force_m_per_s2, angular_rate_rad_per_s)
     leading, count = force.shape[:-2], force.shape[-2]
     duration = _durations(duration_s, (*leading, count))
     turn = rate * duration[..., None]

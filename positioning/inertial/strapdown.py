@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from positioning.errors import InputError
+from positioning.inertial.vectors import force_and_rate, vectors
 from positioning.model import Array
 
 GRAVITY_M_PER_S2 = 9.80665
@@ -67,7 +68,7 @@ def rotation(vector_rad: ArrayLike) -> Array:
     Array
         [..., 3, 3].
     """
-    vector = _vectors("vector_rad", vector_rad)
+    vector = vectors("vector_rad", vector_rad)
     angle = np.linalg.norm(vector, axis=-1)
     return _polynomial(vector, np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2)
 
@@ -88,7 +89,7 @@ def mean_rotation(vector_rad: ArrayLike) -> Array:
     Array
         [..., 3, 3].
     """
-    vector = _vectors("vector_rad", vector_rad)
+    vector = vectors("vector_rad", vector_rad)
     angle = np.linalg.norm(vector, axis=-1)
     return _polynomial(vector, 0.5 * np.sinc(angle / (2 * np.pi)) ** 2, _cubic(angle))
 
@@ -206,7 +207,7 @@ def levelled(specific_force_m_per_s2: ArrayLike) -> tuple[Array, Array]:
     roll_rad, pitch_rad
         Each [...].
     """
-    force = _vectors("specific_force_m_per_s2", specific_force_m_per_s2)
+    force = vectors("specific_force_m_per_s2", specific_force_m_per_s2)
     x, y, z = (force[..., axis] for axis in range(3))
     return np.asarray(np.arctan2(y, z)), np.asarray(np.arctan2(-x, np.hypot(y, z)))
 
@@ -249,14 +250,7 @@ def navigate(
         For shapes that do not fit, durations that are not above zero, an attitude that is no rotation, or a
         gravity that is not above zero.
     """
-    force = _vectors("specific_force_m_per_s2", specific_force_m_per_s2)
-    rate = _vectors("angular_rate_rad_per_s", angular_rate_rad_per_s)
-    if force.shape != rate.shape or force.ndim < 2:
-        raise InputError(
-            "specific_force_m_per_s2 and angular_rate_rad_per_s",
-            f"their shapes {force.shape} and {rate.shape} are not both [..., i, 3]",
-            "Give one of each a sample",
-        )
+    force, rate = force_and_rate(specific_force_m_per_s2, angular_rate_rad_per_s)
     leading, count = force.shape[:-2], force.shape[-2]
     duration = _durations(duration_s, (*leading, count))
     turn = rate * duration[..., None]
@@ -310,7 +304,7 @@ def readings(
     InputError
         For shapes that do not fit, durations that are not above zero, or a gravity that is not above zero.
     """
-    velocity = _vectors("velocity_m_per_s", velocity_m_per_s)
+    velocity = vectors("velocity_m_per_s", velocity_m_per_s)
     matrix = np.asarray(attitude, dtype=np.float64)
     if velocity.ndim < 2 or velocity.shape[-2] < 2 or matrix.shape != (*velocity.shape, 3):
         raise InputError(
@@ -372,13 +366,6 @@ def _cubic(angle: Array) -> Array:
     return np.where(small, series, (safe - np.sin(safe)) / (safe * safe * safe))
 
 
-def _vectors(name: str, values: ArrayLike) -> Array:
-    array = np.asarray(values, dtype=np.float64)
-    if array.ndim < 1 or array.shape[-1] != 3:
-        raise InputError(name, f"its shape is {array.shape}, not [..., 3]", "Put the three parts last")
-    return array
-
-
 def _durations(duration_s: ArrayLike, shape: tuple[int, ...]) -> Array:
     duration = np.asarray(duration_s, dtype=np.float64)
     if not (np.isfinite(duration) & (duration > 0)).all():
@@ -396,7 +383,7 @@ def _durations(duration_s: ArrayLike, shape: tuple[int, ...]) -> Array:
 def _gravity(gravity_m_per_s2: ArrayLike) -> Array:
     gravity = np.asarray(gravity_m_per_s2, dtype=np.float64)
     if gravity.ndim:
-        gravity = _vectors("gravity_m_per_s2", gravity)
+        gravity = vectors("gravity_m_per_s2", gravity)
     if not np.isfinite(gravity).all() or (gravity.ndim == 0 and gravity <= 0):
         raise InputError(
             f"gravity_m_per_s2={gravity}",
