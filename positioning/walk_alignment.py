@@ -496,19 +496,22 @@ def _consensus(
         return np.asarray(np.linalg.norm(placed_m - target_m, axis=-1))
 
     turn_rad, shift_m = rigid_fit(point_m[pair], target_m[pair])
-    cost = np.sum(np.minimum(residual_m(turn_rad, shift_m), inlier_m) ** 2, axis=-1)
+    away_m = residual_m(turn_rad, shift_m)
+    cost = np.sum(np.minimum(away_m, inlier_m) ** 2, axis=-1)
     best = np.argsort(cost, kind="stable")[:_REFINED]
-    turn_rad, shift_m, cost = turn_rad[best], shift_m[best], cost[best]
+    turn_rad, shift_m, cost, agree = turn_rad[best], shift_m[best], cost[best], away_m[best] < inlier_m
+    points, targets = (np.broadcast_to(m, (len(best), *m.shape)) for m in (point_m, target_m))
     for _ in range(_ROUNDS):
-        agree = residual_m(turn_rad, shift_m) < inlier_m
-        points, targets = (np.broadcast_to(m, (len(best), *m.shape)) for m in (point_m, target_m))
         new_turn, new_shift = rigid_fit(points, targets, agree)
-        new_cost = np.sum(np.minimum(residual_m(new_turn, new_shift), inlier_m) ** 2, axis=-1)
+        away_m = residual_m(new_turn, new_shift)
+        new_cost = np.sum(np.minimum(away_m, inlier_m) ** 2, axis=-1)
         # A hypothesis that gets no better keeps two matches that agree or more.
         better = new_cost < cost
+        if not better.any():  # nor will it in another round
+            break
         turn_rad = np.where(better, new_turn, turn_rad)
         shift_m = np.where(better[:, None], new_shift, shift_m)
         cost = np.where(better, new_cost, cost)
+        agree = np.where(better[:, None], away_m < inlier_m, agree)
     winner = int(np.argmin(cost))
-    agreeing = np.count_nonzero(residual_m(turn_rad, shift_m)[winner] < inlier_m)
-    return float(turn_rad[winner]), shift_m[winner], int(agreeing)
+    return float(turn_rad[winner]), shift_m[winner], int(np.count_nonzero(agree[winner]))

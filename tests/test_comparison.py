@@ -22,7 +22,14 @@ from positioning.evaluation.statistics import mean_interval, paired_difference
 from positioning.presentation import figures
 from positioning.presentation.comparison import page
 from positioning.presentation.comparison_figures import _decades, draw
-from positioning.presentation.comparison_text import TOO_NARROW, answer, answered, duration, reservation
+from positioning.presentation.comparison_text import (
+    TOO_NARROW,
+    answer,
+    answered,
+    duration,
+    fewer_worlds,
+    reservation,
+)
 
 ROOT = Path(__file__).resolve().parents[1]
 TEMPLATES = ROOT / "positioning/presentation/templates"
@@ -191,6 +198,62 @@ def test_who_refuses_hard_samples_gains_nothing():
     # The smallest mean of those that answer everything, and the difference from it.
     best_m = here.loc["mine", "mean_m"]
     assert here.loc["mlp", "over_best"] == pytest.approx((best_m + 1.5) / best_m)
+
+
+def hurried(own, row, families, ran_in):
+    """Return a study in which a row ran in its first worlds alone."""
+    table = own.table.copy()
+    here = (table["algorithm"] == row) & table["family"].isin(families)
+    table.loc[here, "worlds"] = ran_in
+
+    def kept(frame):
+        return frame[
+            (frame["algorithm"] != row) | ~frame["family"].isin(families) | (frame["world"] < ran_in)
+        ]
+
+    return StudyTables(**{**vars(own), "table": table, "worlds": kept(own.worlds), "times": kept(own.times)})
+
+
+def test_who_ran_in_fewer_worlds_refuses_nothing_and_wins_none_it_did_not_see(tmp_path):
+    families = ("a", "b", "c", "d", "e")
+    own = hurried(study(families=families), "mine", ("a",), 3)
+    compared = c.compare([own], ACCEPTED)
+    lines, group = compared[0].lines, compared[0].groups[0]
+    here = lines[lines["family"] == "a"].set_index("algorithm")
+    assert here.loc["mine", ["worlds", "of_worlds", "coverage", "rank"]].tolist() == [3, WORLDS, 1, 1]
+    assert np.isnan(here.loc["mine", "worlds_won_share"])
+    assert here.loc["wknn", "worlds_won_share"] == 1
+    # Its mean is over other worlds than those of the others: the paired difference brings it to all.
+    common_m = own.paired.set_index(["family", "algorithm", "against"])["difference_m"]
+    likened_m = here.loc["wknn", "mean_m"] + common_m["a", "mine", "wknn"]
+    assert here.loc["wknn", "over_best"] == pytest.approx(here.loc["wknn", "mean_m"] / likened_m)
+    assert len(group.ranks.rank) == 5
+    told = f"In fewer worlds, and compared with others in these alone: mine in 3 of the {WORLDS} of rooms: a."
+    assert fewer_worlds(group.lines) == told
+    drawn = draw(compared)
+    assert all("fewer worlds" in item.caption or "hollow marker" in item.caption for item in drawn)
+    figures.save(drawn, tmp_path)
+    text = page(compared, tmp_path, {})
+    assert told in text
+    assert f"3 of {WORLDS} worlds" in text
+
+
+def test_a_world_without_any_answer_is_refused_not_left_out():
+    own = study(families=("a",))
+    table = own.table.copy()
+    table.loc[table["algorithm"] == "mlp", "worlds"] = WORLDS // 2
+    silent = (own.worlds["algorithm"] == "mlp") & (own.worlds["world"] >= WORLDS // 2)
+    part = StudyTables(**{**vars(own), "table": table, "worlds": own.worlds[~silent]})
+    lines = c.compare([part], ACCEPTED)[0].lines.set_index("algorithm")
+    assert lines.loc["mlp", ["worlds", "of_worlds", "coverage"]].tolist() == [WORLDS // 2, WORLDS, 0.5]
+
+
+def test_a_mean_over_easy_samples_has_a_hollow_marker():
+    compared = c.compare([refusing(study(families=("a",)), "mlp", ("a",), 0.5, 1.5, 0.1)], ACCEPTED)
+    times = next(item for item in draw(compared) if item.name.endswith("times"))
+    assert "less than 98 % of the samples" in times.caption
+    whole = c.compare([study(families=("a",))], ACCEPTED)
+    assert "hollow" not in next(item for item in draw(whole) if item.name.endswith("times")).caption
 
 
 def test_data_sets_with_refusals_leave_the_ranks_and_the_answer_says_so(tmp_path):

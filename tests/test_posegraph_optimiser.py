@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
+from scipy.sparse import csc_array
 
 from positioning.errors import InputError
 from positioning.model import Array
@@ -22,6 +23,7 @@ from positioning.posegraph.preconditioner import _knots, number_of_knots
 from positioning.posegraph.problem import Problem
 from positioning.posegraph.residuals import (
     MOTION_INFORMATION,
+    motion_jacobians,
     motion_residual,
     move,
     near_residual,
@@ -208,6 +210,42 @@ def test_the_gradient_is_the_slope_of_the_cost_and_vanishes_where_it_stops(
     gradient, _ = problem.normal_equations(found.pose)
     assert np.abs(gradient).max() < 1e-4 * size
     assert np.abs(difference_gradient(problem, found.pose)).max() < 1e-4 * size
+
+
+def test_the_matrix_is_the_sum_of_the_blocks_of_all_edges() -> None:
+    graph = walks(3)
+    # Pairs that stand twice or both ways round, that a motion joins as well, and a motion backwards.
+    one = np.concatenate([graph.near_from, graph.near_to[:3], graph.motion_from[4:6], graph.near_from[:1]])
+    two = np.concatenate([graph.near_to, graph.near_from[:3], graph.motion_to[4:6], graph.near_to[:1]])
+    swapped = np.arange(len(graph.motion_from)) % 4 == 1
+    start, end = (
+        np.where(swapped, *ends)
+        for ends in ((graph.motion_to, graph.motion_from), (graph.motion_from, graph.motion_to))
+    )
+    fixed = np.isin(np.arange(len(graph.pose)), (0, 7))
+    ends = {"motion_from": start, "motion_to": end, "near_from": one, "near_to": two}
+    graph = replace(graph, near_weight=None, fixed=fixed, **ends)
+    problem = Problem(graph, NearCost(weight=2.0, d_min_m=0), None, 1.0)
+    _, values = problem.normal_equations(graph.pose)
+
+    dense = np.zeros((len(graph.pose), 3, len(graph.pose), 3))
+    jacobians = motion_jacobians(graph.pose[start], graph.pose[end])
+    for edge, both in enumerate(zip(start, end, strict=True)):
+        for row, by_row in zip(both, jacobians, strict=True):
+            for column, by_column in zip(both, jacobians, strict=True):
+                block = 2 * by_row[edge].T @ MOTION_INFORMATION @ by_column[edge]
+                dense[row, :, column] += block
+    xx, xy, yy = problem._near(graph.pose, NearCost(weight=2.0, d_min_m=0)).T[2:]
+    for i, j, block in zip(one, two, np.array([[xx, xy], [xy, yy]]).transpose(2, 0, 1), strict=True):
+        dense[i, :2, i, :2] += block
+        dense[j, :2, j, :2] += block
+        dense[i, :2, j, :2] -= block
+        dense[j, :2, i, :2] -= block
+    expected = dense[~fixed][:, :, ~fixed].reshape(3 * np.count_nonzero(~fixed), -1)
+    pattern = problem.pattern
+    matrix = csc_array((values, pattern._row, pattern._start), shape=expected.shape).toarray()
+    placed = matrix[np.ix_(pattern._unknown, pattern._unknown)]
+    np.testing.assert_allclose(placed, expected, atol=1e-12 * np.abs(expected).max())
 
 
 def long_walks() -> tuple[PoseGraph, NearCost]:

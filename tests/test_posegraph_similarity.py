@@ -1,5 +1,7 @@
 """Distances in signal space and the pairs that they make, against hand computation and plain loops."""
 
+from typing import Literal
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -163,6 +165,31 @@ def test_poses_of_one_walk_close_in_time_or_place_make_no_pair() -> None:
     place = np.array([[0.0, 0], [3, 0], [6, 0], [9, 0], [0, 0], [3, 0]])
     assert (1, 3) in pairs(threshold=2.0, position_m=place, exclude_m=6.0)
     assert pairs(threshold=2.0, position_m=place, exclude_m=7.0) == {(0, 4), (1, 5), (3, 5)}
+
+
+@pytest.mark.parametrize("decides", ["later", "either", "both"])
+def test_pairs_that_are_taken_some_rows_at_a_time(
+    decides: Literal["later", "either", "both"], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rss, walk, time = scans(11, count=40), np.repeat([0, 1, 2], [13, 20, 7]), np.arange(40.0)
+    rss[:, 0] = -50
+    place = np.random.default_rng(11).normal(size=(40, 2))
+    monkeypatch.setattr(similarity, "_ROWS", 9)
+    found = near_pairs(
+        walk, time, rss, window=6, exclude_s=3.0, position_m=place, exclude_m=1.0, decides=decides
+    )
+    distance = rss_distance_db(rss)
+    limit = window_threshold_db(distance, walk, 6)
+    holds = {"later": lambda a, b: b, "either": lambda a, b: a or b, "both": lambda a, b: a and b}[decides]
+    expected = [
+        (i, j)
+        for i in range(40)
+        for j in range(i + 1, 40)
+        if holds(distance[i, j] < limit[i], distance[i, j] < limit[j])
+        and not (walk[i] == walk[j] and (j - i < 3 or np.linalg.norm(place[i] - place[j]) < 1))
+    ]
+    assert len(expected) > 20
+    assert list(zip(*(ends.tolist() for ends in found), strict=True)) == expected
 
 
 def test_poses_without_a_scan_do_not_change_the_pairs() -> None:

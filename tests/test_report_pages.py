@@ -129,6 +129,11 @@ def test_the_best_row_is_named_by_recording_and_is_no_control() -> None:
         front.best_rows(rows, entries, "wknn") == "The smallest mean error is that of svm on 2 and wknn on 1."
     )
     assert front.best_rows(rows[::3], entries, "wknn") == "The smallest mean error is that of wknn."
+    few = [replace(row, samples=5) if (row.algorithm, row.family) == ("svm", "place 1") else row for row in rows]
+    assert front.best_rows(few, entries, "wknn") == (
+        "The smallest mean error of rows that answer at least 98 % of the samples is that of wknn on 2 and"
+        " svm on 1."
+    )
 
 
 def claims_html(figures: dict[str, list[str]]) -> str:

@@ -1,7 +1,8 @@
 """Lines of one study for the comparison of all algorithms: one a row and data set, with role and rank.
 
 Ranks and shares are made inside a data set, between the rows that compete there, at the samples that both
-rows of a pair have: one that refuses hard samples gains nothing by it.
+rows of a pair have: one that refuses hard samples gains nothing by it, and one that ran in fewer worlds
+is compared in these.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,6 +27,7 @@ COLUMNS = [
     "new",
     "competes",
     "worlds",
+    "of_worlds",
     "n",
     "coverage",
 ]
@@ -40,7 +42,7 @@ COLUMNS += [
     "p95_m",
 ]
 COLUMNS += ["rank", "beaten_share", "worlds_won_share", "over_best", "seconds", "note"]
-"""Columns of the table of a task."""
+"""Columns of the table of a task: ``of_worlds`` is how many the data set has, as a row may ask for fewer."""
 
 MAIN, VARIANT, CONTROL = "main", "variant", "control"
 """What a row is to a comparison: a competitor, one with other settings, or a limit."""
@@ -92,7 +94,8 @@ def study_lines(study: StudyTables, accepted: set[tuple[str, str]]) -> dict[str,
         Task and name of rows that are not new.
     """
     what = roles(study.entries, study.reference, accepted)
-    seconds = study.times.groupby(["family", "algorithm"])["seconds"].median().to_dict()
+    spent = study.times.groupby(["family", "algorithm"])
+    seconds, ran_in = spent["seconds"].median().to_dict(), spent["world"].nunique().to_dict()
     order = study.worlds.sort_values("world", kind="stable")
     per_world = {
         (str(family), str(row)): (own["world"].to_numpy(), own["mean_m"].to_numpy(dtype=float))
@@ -121,6 +124,8 @@ def study_lines(study: StudyTables, accepted: set[tuple[str, str]]) -> dict[str,
                 "new": new,
                 "competes": False,
                 "worlds": int(line["worlds"]) if measured else 0,
+                # Not a column: a world without an answer has no error, yet the row has spent its time there.
+                "ran_in": max(int(line["worlds"]), ran_in.get((family, row), 0)) if measured else 0,
                 "n": int(line["n"]) if measured else 0,
                 "interval_low_m": interval.low,
                 "interval_high_m": interval.high,
@@ -131,13 +136,15 @@ def study_lines(study: StudyTables, accepted: set[tuple[str, str]]) -> dict[str,
     for lines in tasks.values():
         for family in dict.fromkeys(line["family"] for line in lines):
             answering = [line for line in lines if line["family"] == family and line["worlds"]]
-            # What nobody answers is unknown here: the row that answers most stands for all samples.
-            samples = max((_samples(line) for line in answering), default=0)
+            # What nobody answers is unknown here: the row that answers most stands for all samples of a world.
+            samples = max((_samples(line) for line in answering), default=0.0)
+            of_worlds = max((line["ran_in"] for line in answering), default=0)
             for own in answering:
+                own["of_worlds"] = of_worlds
                 own["coverage"] = _samples(own) / samples if samples else np.nan
                 own["competes"] = own["role"] == MAIN or _is_new_rival(own)
             rivals = [line for line in answering if line["competes"]]
-            if rivals and samples >= LEAST_SAMPLES:
+            if rivals and samples * of_worlds >= LEAST_SAMPLES:
                 names = [line["algorithm"] for line in rivals]
                 _place(
                     rivals,
@@ -151,8 +158,9 @@ def _is_new_rival(line: Mapping[str, Any]) -> bool:
     return bool(line["new"]) and line["role"] == VARIANT
 
 
-def _samples(line: Mapping[str, Any]) -> int:
-    return int(line["n"]) * int(line["worlds"])
+def _samples(line: Mapping[str, Any]) -> float:
+    """Return how many samples a row answers in a world in which it ran."""
+    return float(int(line["n"]) * int(line["worlds"]) / int(line["ran_in"]))
 
 
 def _place(
@@ -176,7 +184,8 @@ def _place(
         line["rank"] = float(own)
         if len(rivals) > 1:
             line["beaten_share"] = (len(rivals) - line["rank"]) / (len(rivals) - 1)
-    # A mean over a row's own samples says nothing beside one over others, and worlds have no paired ones.
+    # A mean over a row's own samples says nothing beside one over others, and worlds have no paired ones;
+    # a row that did not run in a world cannot win it.
     whole = [number for number, line in enumerate(rivals) if _is_whole(line)]
     if len(whole) > 1:
         worlds = np.unique(np.concatenate([per_world[number][0] for number in whole]))
@@ -187,7 +196,8 @@ def _place(
         for number, share in zip(whole, worlds_won(errors_m), strict=True):
             rivals[number]["worlds_won_share"] = float(share)
     # Of whole rows these are their mean errors; others are brought to all samples by their difference.
-    most = min(range(len(rivals)), key=lambda i: (-rivals[i]["coverage"], rivals[i]["mean_m"]))
+    order = [(-line["ran_in"], -line["coverage"], line["mean_m"]) for line in rivals]
+    most = order.index(min(order))
     difference_m = np.where(np.eye(len(rivals), dtype=bool), 0.0, difference_m)
     likened_m = _positive(rivals[most]["mean_m"] + difference_m[:, most])
     if not np.isnan(likened_m).all():
@@ -196,7 +206,7 @@ def _place(
 
 
 def _is_whole(line: Mapping[str, Any]) -> bool:
-    return bool(line["coverage"] >= LEAST_COVERAGE)
+    return bool(line["coverage"] >= LEAST_COVERAGE and line["ran_in"] == line["of_worlds"])
 
 
 def roles(

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import coo_array, csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from positioning.model import Array
@@ -23,6 +23,9 @@ _CLOSE, _CG_ITERATIONS = 1e-3, 200
 # A new coarse problem costs as much as some fifteen iterations.
 _CG_MORE = 8
 
+BLOCK = np.array([[0, 1], [1, 2]])
+"""Which of the three values (xx, xy, yy) of a symmetric block stands where."""
+
 
 class Pattern:
     """Where the values of the normal equations stand in a sparse matrix.
@@ -36,6 +39,14 @@ class Pattern:
         The graph.
     free
         Indices of the poses that may move, ascending.
+
+    Attributes
+    ----------
+    motion_pair, near_pair
+        `incidence` of the pairs of free poses that motions join, and of those that are near: of all edges,
+        those that join two free poses.
+    motion_swapped
+        Whether the second pose of a motion is the first one of its pair, [e].
     """
 
     def __init__(self, graph: PoseGraph, free: NDArray[np.intp]) -> None:
@@ -46,71 +57,75 @@ class Pattern:
             np.sort(number[np.stack([start, end])], axis=0)
             for start, end in ((graph.motion_from, graph.motion_to), (graph.near_from, graph.near_to))
         )
-        self.motion_both, self.near_both = motion[0] >= 0, near[0] >= 0
+        motion_both, near_both = motion[0] >= 0, near[0] >= 0
         self.motion_swapped = number[graph.motion_from] > number[graph.motion_to]
-        ends = np.concatenate([motion[:, self.motion_both], near[:, self.near_both]], axis=1)
+        ends = np.concatenate([motion[:, motion_both], near[:, near_both]], axis=1)
         key, pair = np.unique(ends[0] * count + ends[1], return_inverse=True)
         first, second = np.divmod(key, count)
-        split = int(self.motion_both.sum())
-        stiff, self.motion_pair = np.unique(pair[:split], return_inverse=True)
-        soft, self.near_pair = np.unique(pair[split:], return_inverse=True)
-        self.motion_pairs, self.near_pairs = len(stiff), len(soft)
+        split = int(motion_both.sum())
+        stiff, motion_pair = np.unique(pair[:split], return_inverse=True)
+        soft, near_pair = np.unique(pair[split:], return_inverse=True)
+        self.motion_pair = incidence(motion_pair, len(stiff), motion_both)
+        self.near_pair = incidence(near_pair, len(soft), near_both)
 
         joined = np.zeros(max(count - 1, 0), dtype=bool)
-        next_pose = self.motion_both & (motion[1] == motion[0] + 1)
+        next_pose = motion_both & (motion[1] == motion[0] + 1)
         joined[motion[0, next_pose]] = True
-        place, fill = _little_fill(first, second, count)
-        # Nine values a block, three unknowns a pose.
-        heavy = 3 * fill > _HEAVY * count and number_of_knots(joined) <= _MOST_KNOTS * count
-        if heavy:
-            place = np.arange(count)
+        place = np.arange(count)
+        few_knots = number_of_knots(joined) <= _MOST_KNOTS * count
+        # Nine values a block, three unknowns a pose. A factor has no fewer values than its matrix.
+        heavy = few_knots and 3 * (count + 2 * len(key)) > _HEAVY * count
+        if not heavy:
+            order, fill = _little_fill(first, second, count)
+            heavy = few_knots and 3 * fill > _HEAVY * count
+            place = place if heavy else order
+        full = np.zeros(len(key), dtype=bool)
+        full[stiff] = True
         here, one, two = place, place[first], place[second]
-        row = np.concatenate([here, two, one])
-        column = np.concatenate([here, one, two])
-        order = np.lexsort((row, column))
-        blocks = np.bincount(column, minlength=count)
-        start = np.concatenate([[0], np.cumsum(blocks)])
-        # Values of a block column: three columns one after the other, each with three values a block.
-        rank = np.empty(len(row), dtype=np.intp)
-        rank[order] = np.arange(len(row)) - start[column[order]]
-        base = 9 * start[column] + 3 * rank
-        position = (
-            base[:, None, None] + np.arange(3)[:, None] + (3 * blocks[column])[:, None, None] * np.arange(3)
-        )
-        diagonal, lower, upper = np.split(position, [count, count + len(key)])
+        row, column = np.concatenate([here, two, one]), np.concatenate([here, one, two])
         # Proximity knows no headings: its blocks have two rows and two columns.
-        joint = np.stack([upper[stiff], np.swapaxes(lower[stiff], -1, -2)])
-        shared = np.stack([upper[soft], np.swapaxes(lower[soft], -1, -2)])[..., :2, :2]
-        there = np.zeros(9 * len(row), dtype=bool)
-        for part in (diagonal, joint, shared):
-            there[part] = True
-        before = np.concatenate([[0], np.cumsum(there)])
-        self._diagonal, self._joint, self._shared = (before[part] for part in (diagonal, joint, shared))
-        self._size = int(before[-1])
-        rows = np.empty(len(there), dtype=np.intc)
-        rows[position] = 3 * row[:, None, None] + np.arange(3)[:, None]
-        self._row = rows[there]
-        self._start = before[np.concatenate([[0], np.cumsum(np.repeat(3 * blocks, 3))])].astype(np.intc)
+        whole = np.concatenate([np.ones(count, dtype=bool), full, full])
+        base, self._start = _columns(row, column, whole, count)
+        self._size = int(self._start[-1])
+        diagonal, (lower, upper) = _places(base[:count], 3), np.split(base[count:], 2)
+        joint = np.stack([_places(upper[stiff], 3), np.swapaxes(_places(lower[stiff], 3), -1, -2)])
+        shared = np.stack([_places(upper[soft], 2), np.swapaxes(_places(lower[soft], 2), -1, -2)])
+        # Where each value comes from, among those of the blocks one after the other.
+        values_from = 9 * count + 9 * len(stiff) + 3 * np.arange(len(soft))[:, None, None] + BLOCK
+        self._from = np.empty(self._size, dtype=np.intp)
+        self._from[shared] = values_from
+        self._from[joint] = 9 * count + np.arange(9 * len(stiff)).reshape(-1, 3, 3)
+        self._from[diagonal] = np.arange(9 * count).reshape(-1, 3, 3)
+        twice = full[soft]
+        self._twice = shared[:, twice].ravel()
+        self._twice_from = np.concatenate([values_from[twice].ravel()] * 2)
+        self._row = np.empty(self._size, dtype=np.intc)
+        for blocks, ends in ((shared, soft), (joint, stiff)):
+            within = np.arange(blocks.shape[-1])
+            self._row[blocks[0]] = 3 * one[ends, None, None] + within[:, None]
+            self._row[blocks[1]] = 3 * two[ends, None, None] + within
+        self._row[diagonal] = 3 * here[:, None, None] + np.arange(3)[:, None]
         self._unknown = (3 * place[:, None] + np.arange(3)).ravel()
-        self._middle = np.diagonal(self._diagonal, axis1=-2, axis2=-1).ravel()
+        self._middle = np.diagonal(diagonal, axis1=-2, axis2=-1).ravel()
         self._near_inverse: TwoLevel | None = None
         # Iterations with the coarse problem when it was new; None = there is none, or it is of no more use.
         self._needed: int | None = None
         if heavy:
             next_one = np.flatnonzero(second == first + 1)
-            below = np.where(there[lower[next_one]], before[lower[next_one]], -1)
-            self._near_inverse = TwoLevel(joined, _band(self._diagonal, first[next_one], below))
+            below = np.where(full[next_one, None, None], _places(lower[next_one], 3), -1)
+            below[:, :2, :2] = _places(lower[next_one], 2)
+            self._near_inverse = TwoLevel(joined, _band(diagonal, first[next_one], below))
 
     def values(self, diagonal: Array, joint: Array, shared: Array) -> Array:
         """Return the values of the matrix from its blocks.
 
-        Those of poses [count, 3, 3], of pairs that a motion joins [motion_pairs, 3, 3], and of pairs that are
-        near [near_pairs, 2, 2]. A pair's block has the rows of its first pose, its transpose stands across.
+        Those of poses [count, 3, 3], of pairs that a motion joins [m, 3, 3], and (xx, xy, yy) of pairs that
+        are near [p, 3]. A pair's block has the rows of its first pose, its transpose stands across.
         """
-        values = np.zeros(self._size)
-        values[self._diagonal] = diagonal
-        values[self._joint] = joint
-        values[self._shared] += shared
+        source = np.concatenate([diagonal.ravel(), joint.ravel(), shared.ravel()])
+        # Reading from few places is much faster than writing to many.
+        values = source[self._from]
+        values[self._twice] += source[self._twice_from]
         return values
 
     def solve(self, values: Array, added: Array, right: Array, pose: Array) -> Array:
@@ -161,6 +176,53 @@ class Pattern:
             pass
         self._needed = None
         return None
+
+
+def incidence(index: NDArray[Any], count: int, some: NDArray[np.bool_] | None = None) -> Any:
+    """Return the sparse matrix [count, e] whose product with rows sums them by index.
+
+    Parameters
+    ----------
+    index
+        Where each row is summed, [e], or only those that ``some``, [e], marks.
+    count
+        Number of sums.
+    some
+        Rows that are summed at all; None = all.
+    """
+    edges = np.arange(len(index)) if some is None else np.flatnonzero(some)
+    shape = (count, len(index) if some is None else len(some))
+    return coo_array((np.ones(len(edges)), (index, edges)), shape=shape).tocsr()
+
+
+def summed(ends: Any, values: Array) -> Array:
+    """Return sums of rows, [count, ...], by an `incidence` [count, e] of the rows, [e, ...]."""
+    flat = values.reshape(len(values), int(np.prod(values.shape[1:], dtype=int)))
+    return np.asarray((ends @ flat).reshape(ends.shape[0], *values.shape[1:]), dtype=np.float64)
+
+
+def _columns(
+    row: NDArray[Any], column: NDArray[Any], whole: NDArray[np.bool_], count: int
+) -> tuple[NDArray[np.intp], NDArray[np.intc]]:
+    """Return where the values of blocks begin in each of their columns, [b, 3], and those of all columns.
+
+    From the block row and block column of each block, [b], and whether it is a whole one, 3 x 3; others are
+    2 x 2 and have nothing in the third column. The beginnings of all columns are [3 count + 1].
+    """
+    order = np.argsort(column * count + row)
+    bounds = np.concatenate([[0], np.cumsum(np.bincount(column, minlength=count))])
+    height = np.where(whole[order, None], [3, 3, 3], [2, 2, 0])
+    before = np.concatenate([np.zeros((1, 3), dtype=np.intp), np.cumsum(height, axis=0)])
+    start = np.concatenate([[0], np.cumsum(np.diff(before[bounds], axis=0).ravel())])
+    base = np.empty((len(row), 3), dtype=np.intp)
+    base[order] = before[:-1]
+    base += (start[:-1].reshape(-1, 3) - before[bounds[:-1]])[column]
+    return base, start.astype(np.intc)
+
+
+def _places(base: NDArray[np.intp], size: int) -> NDArray[np.intp]:
+    """Return where the values of blocks [size, size] stand, from where their columns begin, [b, 3]."""
+    return base[:, None, :size] + np.arange(size)[:, None]
 
 
 def _band(diagonal: NDArray[Any], pose: NDArray[Any], below: NDArray[Any]) -> NDArray[Any]:

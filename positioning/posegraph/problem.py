@@ -7,21 +7,19 @@ a pose is in proportion to what its proximity edges could pull, with that of the
 level.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from positioning.model import Array
 from positioning.posegraph.costs import Loss, NearCost, of_error, robust
 from positioning.posegraph.graph import PoseGraph
-from positioning.posegraph.normal_equations import Pattern
-from positioning.posegraph.residuals import motion_jacobians, motion_residual, near_residual
+from positioning.posegraph.normal_equations import BLOCK, Pattern, incidence, summed
+from positioning.posegraph.residuals import motion_jacobians, motion_residual, near_error
 
 # Of the largest curvature: parts of a graph that only flat edges tie keep their place, without 0 / 0.
 _RIDGE = 1e-14
 _NO_DISTANCE_M = 1e-12
-_BLOCK = np.array([[0, 1], [1, 2]])
 
 
 class Value(NamedTuple):
@@ -55,6 +53,8 @@ class Value(NamedTuple):
 class Problem:
     """Cost, gradient and curvature of a graph; what does not change between steps is kept.
 
+    So are the distances at the poses last asked for: an array of poses must not be changed in place.
+
     Parameters
     ----------
     graph, near, loop_loss, loop_scale
@@ -81,8 +81,13 @@ class Problem:
         if graph.near_weight is not None:
             self.weight = self.weight * graph.near_weight
         self.free = np.flatnonzero(~np.asarray(graph.fixed, dtype=bool))
+        self._last: tuple[Array, Array, Array] | None = None
         if pattern and len(self.free):
             self.pattern = Pattern(graph, self.free)
+            self._motion_from, self._motion_to, self._near_from, self._near_to = (
+                incidence(ends, self.poses)
+                for ends in (graph.motion_from, graph.motion_to, graph.near_from, graph.near_to)
+            )
             self.scale = self._damping_scale()
 
     def cost(self, pose: Array) -> Value:
@@ -94,12 +99,8 @@ class Problem:
         if self.near is None:
             return Value(motion, 0.0, 0.0)
         near = self.near
-        error = near_residual(
-            pose[self.graph.near_from],
-            pose[self.graph.near_to],
-            e_max=near.e_max,
-            d_min_m=near.d_min_m,
-            d_max_m=near.d_max_m,
+        error = near_error(
+            self._offset(pose)[1], e_max=near.e_max, d_min_m=near.d_min_m, d_max_m=near.d_max_m
         )
         if near.cost == "linear":
             rounding = near.rounding * near.e_max
@@ -122,24 +123,22 @@ class Problem:
             information = information * np.where(self.loop, slope, 1.0)[:, None, None]
         from_weighted = np.swapaxes(by_from, -1, -2) @ information
         to_weighted = np.swapaxes(by_to, -1, -2) @ information
-        gradient = _summed(graph.motion_from, (from_weighted @ residual[..., None])[..., 0], self.poses)
-        gradient += _summed(graph.motion_to, (to_weighted @ residual[..., None])[..., 0], self.poses)
-        diagonal = _summed(graph.motion_from, from_weighted @ by_from, self.poses)
-        diagonal += _summed(graph.motion_to, to_weighted @ by_to, self.poses)
+        gradient = summed(self._motion_from, (from_weighted @ residual[..., None])[..., 0])
+        gradient += summed(self._motion_to, (to_weighted @ residual[..., None])[..., 0])
+        diagonal = summed(self._motion_from, from_weighted @ by_from)
+        diagonal += summed(self._motion_to, to_weighted @ by_to)
         across = from_weighted @ by_to
         across = np.where(pattern.motion_swapped[:, None, None], np.swapaxes(across, -1, -2), across)
-        joint = _summed(pattern.motion_pair, across[pattern.motion_both], pattern.motion_pairs)
-        shared = np.zeros((pattern.near_pairs, 3))
+        joint = summed(pattern.motion_pair, across)
+        shared = np.zeros((pattern.near_pair.shape[0], 3))
         if self.near is not None and len(graph.near_from):
-            pull, curvature = self._near(pose, self.near)
-            gradient[:, :2] += _summed(graph.near_to, pull, self.poses)
-            gradient[:, :2] -= _summed(graph.near_from, pull, self.poses)
-            own = _summed(graph.near_from, curvature, self.poses) + _summed(
-                graph.near_to, curvature, self.poses
-            )
-            diagonal[:, :2, :2] += own[:, _BLOCK]
-            shared = _summed(pattern.near_pair, curvature[pattern.near_both], pattern.near_pairs)
-        return gradient[self.free].ravel(), pattern.values(diagonal[self.free], joint, -shared[:, _BLOCK])
+            pull_curvature = self._near(pose, self.near)
+            by_start, by_end = (summed(ends, pull_curvature) for ends in (self._near_from, self._near_to))
+            gradient[:, :2] += by_end[:, :2]
+            gradient[:, :2] -= by_start[:, :2]
+            diagonal[:, :2, :2] += (by_start + by_end)[:, 2:][:, BLOCK]
+            shared = summed(pattern.near_pair, pull_curvature)[:, 2:]
+        return gradient[self.free].ravel(), pattern.values(diagonal[self.free], joint, -shared)
 
     def step(self, pose: Array, gradient: Array, hessian: Array, damping: float) -> tuple[Array, float]:
         """Return the step of all free poses, [free * 3], and the decrease of cost that the model promises."""
@@ -160,44 +159,52 @@ class Problem:
         moved[self.free] += step.reshape(-1, 3)
         return moved
 
-    def _near(self, pose: Array, near: NearCost) -> tuple[Array, Array]:
-        """Return the derivative by the second pose, [f, 2], and the curvature (xx, xy, yy), [f, 3]."""
-        offset_m = pose[self.graph.near_to, :2] - pose[self.graph.near_from, :2]
-        distance_m = np.hypot(offset_m[:, 0], offset_m[:, 1])
+    def _offset(self, pose: Array) -> tuple[Array, Array]:
+        """Return the offset of the proximity edges, [2, f], and its length, [f], metres."""
+        if self._last is None or self._last[0] is not pose:
+            # Whole columns are read much faster than rows of two.
+            offset_m = np.stack(
+                [line[self.graph.near_to] - line[self.graph.near_from] for line in pose.T[:2]]
+            )
+            self._last = pose, offset_m, np.hypot(offset_m[0], offset_m[1])
+        return self._last[1:]
+
+    def _near(self, pose: Array, near: NearCost) -> Array:
+        """Return the derivative by the second pose and the curvature (xx, xy, yy), [f, 5]."""
+        offset_m, distance_m = self._offset(pose)
         slope = near.e_max / (near.d_max_m - near.d_min_m)
         error = slope * (distance_m - near.d_min_m)
         between = (distance_m > near.d_min_m) & (distance_m < near.d_max_m)
         derivative, second = of_error(np.where(between, error, 0.0), near)
         weight = np.where(between, self.weight, 0.0)
         distance_m = np.maximum(distance_m, _NO_DISTANCE_M)
-        east, north = offset_m[:, 0] / distance_m, offset_m[:, 1] / distance_m
+        east, north = offset_m / distance_m
         force = weight * derivative * slope
         along, across = weight * second * slope**2, force / distance_m
-        curvature = np.stack(
+        return np.stack(
             [
+                force * east,
+                force * north,
                 along * east * east + across * north * north,
                 (along - across) * east * north,
                 along * north * north + across * east * east,
             ],
             axis=-1,
         )
-        return np.stack([force * east, force * north], axis=-1), curvature
 
     def _damping_scale(self) -> Array:
         """Return what a unit of damping adds to the curvature of each free coordinate, [free * 3]."""
         graph = self.graph
         by_from, by_to = motion_jacobians(graph.pose[graph.motion_from], graph.pose[graph.motion_to])
         motion = np.zeros((self.poses, 3))
-        for pose, jacobian in ((graph.motion_from, by_from), (graph.motion_to, by_to)):
-            motion += _summed(
-                pose, np.einsum("eij,eik,ekj->ej", jacobian, self.information, jacobian), self.poses
-            )
+        for ends, jacobian in ((self._motion_from, by_from), (self._motion_to, by_to)):
+            motion += summed(ends, np.einsum("eij,eik,ekj->ej", jacobian, self.information, jacobian))
         scale = 2.0 * motion
         if self.near is not None and self.weight.any():
             slope = self.near.e_max / (self.near.d_max_m - self.near.d_min_m)
             _, middle = of_error(np.array([0.5 * self.near.e_max]), self.near)
             pull = self.weight * float(middle[0]) * slope**2
-            own = _summed(graph.near_from, pull, self.poses) + _summed(graph.near_to, pull, self.poses)
+            own = summed(self._near_from, pull) + summed(self._near_to, pull)
             level = scale[self.free, :2].mean()
             scale *= min(1.0, own[self.free].mean() / level) if level > 0 else 1.0
             scale[:, :2] += own[:, None]
@@ -210,10 +217,3 @@ class Problem:
 
     def _squared(self, residual: Array) -> Array:
         return np.asarray(np.einsum("ei,eij,ej->e", residual, self.information, residual))
-
-
-def _summed(index: NDArray[Any], values: Array, count: int) -> Array:
-    """Return the sums of rows by index, [count, ...]."""
-    flat = values.reshape(len(values), int(np.prod(values.shape[1:], dtype=int)))
-    sums = [np.bincount(index, weights=column, minlength=count) for column in flat.T]
-    return np.asarray(np.stack(sums, axis=-1).reshape(count, *values.shape[1:]), dtype=np.float64)

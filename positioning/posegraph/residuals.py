@@ -144,6 +144,11 @@ def near_residual(
         [...], without unit.
     """
     _, distance_m = _between(pose_from, pose_to)
+    return near_error(distance_m, e_max=e_max, d_min_m=d_min_m, d_max_m=d_max_m)
+
+
+def near_error(distance_m: Array, *, e_max: float, d_min_m: float, d_max_m: float) -> Array:
+    """Return `near_residual` of poses at this distance, metres, [...]."""
     return np.asarray(e_max * np.clip((distance_m - d_min_m) / (d_max_m - d_min_m), 0.0, 1.0))
 
 

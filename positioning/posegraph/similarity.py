@@ -60,19 +60,23 @@ def rss_distance_db(rss_dbm: ArrayLike, other_dbm: ArrayLike | None = None) -> A
     # Some rows at a time stay in the cache; at thousands of fingerprints all pairs take tens of megabytes.
     for low in range(0, first.shape[-2], _ROWS):
         some = slice(low, low + _ROWS)
+        # Of one set with itself, what is above the diagonal blocks mirrors what is below.
+        to = slice(None) if other_dbm is not None else slice(low + _ROWS)
         # Counts are exact in single precision.
-        union = first_heard[..., some, :] @ np.swapaxes(second_heard, -1, -2)
-        np.subtract(other_count[..., None, :], union, out=union, casting="same_kind")
+        union = first_heard[..., some, :] @ np.swapaxes(second_heard[..., to, :], -1, -2)
+        np.subtract(other_count[..., None, to], union, out=union, casting="same_kind")
         union += count[..., some, None]
         np.maximum(union, 1.0, out=union)
-        part = distance[..., some, :]
-        np.matmul(first[..., some, :], np.swapaxes(second, -1, -2), out=part)
+        part = np.matmul(first[..., some, :], np.swapaxes(second[..., to, :], -1, -2))
         part *= -2.0
         part += squared[..., some, None]
-        part += other_squared[..., None, :]
+        part += other_squared[..., None, to]
         np.maximum(part, 0.0, out=part)
         part /= union
         np.sqrt(part, out=part)
+        distance[..., some, to] = part
+        if other_dbm is None:
+            distance[..., :low, some] = np.swapaxes(part[..., :low], -1, -2)
     if other_dbm is None:
         index = np.arange(first.shape[-2])
         distance[..., index, index] = 0.0
@@ -204,21 +208,36 @@ def near_pairs(
         limit = window_threshold_db(distance, walk, window)
     else:
         limit = np.full(len(scan), float(threshold))
-    if decides == "later":
-        near = distance < limit[:, None]
-    elif decides == "either":
-        near = (distance < limit[:, None]) | (distance < limit)
-    else:
-        near = (distance < limit[:, None]) & (distance < limit)
-    later, earlier = np.nonzero(np.tril(near, -1))
-    close = np.abs(time[later] - time[earlier]) < exclude_s
+    later, earlier = _below(distance, limit, decides)
+    same = np.flatnonzero(walk[later] == walk[earlier])
+    one, two = earlier[same], later[same]
+    close = np.abs(time[two] - time[one]) < exclude_s
     if position_m is not None:
         place = np.asarray(position_m, dtype=np.float64)[scan]
-        close |= np.linalg.norm(place[later] - place[earlier], axis=-1) < exclude_m
-    keep = ~(close & (walk[later] == walk[earlier]))
+        close |= np.linalg.norm(place[two] - place[one], axis=-1) < exclude_m
+    keep = np.ones(len(later), dtype=bool)
+    keep[same[close]] = False
     start, end = scan[earlier[keep]], scan[later[keep]]
-    order = np.lexsort((end, start))
+    order = np.argsort(start * len(rss) + end)
     return start[order], end[order]
+
+
+def _below(distance: Array, limit: Array, decides: str) -> tuple[Indices, Indices]:
+    """Return pairs, the later one first, whose distance is below the limits that decide."""
+    later, earlier = [], []
+    # Whole rows of all pairs would take megabytes, and half of them are not needed.
+    for low in range(0, len(limit), _ROWS):
+        some, until = slice(low, low + _ROWS), slice(low + _ROWS)
+        part = distance[some, until]
+        near = part < limit[some, None]
+        if decides == "either":
+            near |= part < limit[until]
+        elif decides == "both":
+            near &= part < limit[until]
+        row, column = np.nonzero(np.tril(near, low - 1))
+        later.append(low + row)
+        earlier.append(column)
+    return np.concatenate(later), np.concatenate(earlier)
 
 
 def _shifted(name: str, rss_dbm: ArrayLike) -> tuple[Array, Array]:

@@ -24,6 +24,7 @@ from positioning.presentation.comparison_text import (
     counted,
     data_sets_of,
     duration,
+    fewer_worlds,
     percent,
     reservation,
 )
@@ -151,6 +152,11 @@ def _line(line: Mapping[str, Any]) -> dict[str, Any]:
         "answered": answered(line["coverage"]),
         "won": percent(line["worlds_won_share"]),
         "time": duration(line["seconds"]),
+        "in_worlds": (
+            f"{line['worlds']} worlds"
+            if line["worlds"] == line["of_worlds"]
+            else f"{line['worlds']} of {line['of_worlds']:.0f} worlds"
+        ),
     }
 
 
@@ -161,7 +167,9 @@ def _group(task: Comparison, group: Group, pictures: Mapping[str, Mapping[str, A
         "titles": group.titles,
         "alone": len(labels) < 2,
         "answer": answer(group),
-        "reservation": reservation(group),
+        "reservation": " ".join(
+            told for told in (fewer_worlds(competing(group.lines)), reservation(group)) if told
+        ),
         "left_out": [
             {
                 "reason": text,

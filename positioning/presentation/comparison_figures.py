@@ -11,7 +11,15 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from positioning.evaluation.comparison import Comparison, Group
 from positioning.evaluation.comparison_lines import CONTROL, LEAST_COVERAGE
 from positioning.presentation import figures, tables
-from positioning.presentation.comparison_text import answered, dependent, duration, listed, probability
+from positioning.presentation.comparison_text import (
+    answered,
+    competing,
+    dependent,
+    duration,
+    fewer_worlds,
+    listed,
+    probability,
+)
 from positioning.presentation.figures import Drawn
 from positioning.presentation.style import GREY, Stroke, drawing, stroke
 
@@ -78,6 +86,8 @@ def _ranks(task: Comparison, group: Group) -> Drawn | None:
     axes.set_xlabel("rank by error at common samples, 1 is the smallest")
     studies = list(dict.fromkeys(str(study) for study, _ in rank.index))
     told = "; ".join(f"{label} {value:.2f}" for label, value in mean.items())
+    own = competing(group.lines)
+    few = fewer_worlds(own[own["label"].isin(mean.index) & own["study"].isin(studies)])
     return Drawn(
         name=figure_name(task, group, "ranks"),
         figure=figure,
@@ -85,7 +95,7 @@ def _ranks(task: Comparison, group: Group) -> Drawn | None:
         caption=(
             f"{len(mean)} algorithms on the {len(rank)} data sets of {listed(studies)} in which all of them"
             f" answer at least {answered(LEAST_COVERAGE)} of the samples; ranks are of paired differences at"
-            " common samples. Large marker: mean rank; small dots: ranks in single data sets, larger where"
+            f" common samples.{' ' * bool(few)}{few} Large marker: mean rank; small dots: ranks in single data sets, larger where"
             " several agree. The bar reaches half of Nemenyi's critical difference"
             f" ({2 * half:.2f} ranks) to either side: two algorithms differ at the 5 % level where their bars"
             " do not overlap; the grey band is that of the best."
@@ -135,17 +145,17 @@ def _times(task: Comparison, group: Group) -> Drawn | None:
         figure=figure,
         title="Run time against error",
         caption=(
-            "Mean error against the median run time on a world or recording, both axes logarithmic; low and"
-            " left is better."
+            "Mean error over a row's own samples against the median run time on a world or recording, both axes"
+            " logarithmic; low and left is better."
             + (
-                " A study of more than"
-                f" {SINGLE_PANELS} data sets has one panel, with geometric means over them"
-                + (
-                    "; a hollow marker stands for fewer data sets than others and compares less."
-                    if several
-                    else "."
-                )
+                f" A study of more than {SINGLE_PANELS} data sets has one panel, with geometric means over them."
                 if any("data sets" in title for title, _ in panels)
+                else ""
+            )
+            + (
+                " A hollow marker stands for fewer data sets or worlds than others, or for less than"
+                f" {answered(LEAST_COVERAGE)} of the samples of one, and compares less: the grey line passes it by."
+                if several
                 else ""
             )
             + " Variants beyond the axes are left out. A row that builds on the fixes or steps of another one"
@@ -167,9 +177,12 @@ def _times(task: Comparison, group: Group) -> Drawn | None:
 def _panels(lines: pd.DataFrame, study: str, named: bool) -> list[tuple[str, pd.DataFrame]]:
     """Return title and points of each panel of a study: ``label, seconds, mean_m, competes, complete``.
 
+    A mean of all samples of all data sets and worlds that the study has is complete.
     Titles name the study where there are others beside it.
     """
     own = lines[(lines["study"] == study) & (lines["mean_m"] > 0) & (lines["seconds"] > 0)]
+    whole = (own["coverage"] >= LEAST_COVERAGE) & (own["worlds"] == own["of_worlds"])
+    own = own.assign(complete=whole)
     kept = own[(own["role"] != CONTROL) | (own["algorithm"] == "control_oracle")]
     if kept.empty:
         return []
@@ -177,7 +190,7 @@ def _panels(lines: pd.DataFrame, study: str, named: bool) -> list[tuple[str, pd.
     if len(families) <= SINGLE_PANELS:
         title = study if len(families) == 1 else f"{study}: {{}}" if named else "{}"
         return [
-            (title.format(family), kept[kept["family"] == family].assign(complete=True))
+            (title.format(family), kept[kept["family"] == family])
             for family in families
         ]
     logs = kept.assign(seconds=np.log(kept["seconds"]), mean_m=np.log(kept["mean_m"]))
@@ -187,9 +200,10 @@ def _panels(lines: pd.DataFrame, study: str, named: bool) -> list[tuple[str, pd.
         competes=("competes", "any"),
         new=("new", "any"),
         n=("family", "size"),
+        complete=("complete", "all"),
     )
     means[["seconds", "mean_m"]] = np.exp(means[["seconds", "mean_m"]])
-    means["complete"] = means["n"] == means["n"].max()
+    means["complete"] &= means["n"] == means["n"].max()
     return [(f"{study}, {len(families)} data sets", means.reset_index())]
 
 

@@ -113,6 +113,22 @@ def reservation(group: Group) -> str:
     )
 
 
+def fewer_worlds(lines: pd.DataFrame) -> str:
+    """Return which rows have answers in fewer worlds than others of a data set; empty where none has.
+
+    Parameters
+    ----------
+    lines
+        Of a group, with the column ``label``.
+    """
+    few = tables.records(lines[lines["worlds"] < lines["of_worlds"]])
+    told = [
+        f"{line['label']} in {line['worlds']} of the {line['of_worlds']:.0f} of {line['study']}: {line['family']}"
+        for line in few
+    ]
+    return f"In fewer worlds, and compared with others in these alone: {listed(told)}." if told else ""
+
+
 def dependent(group: Group, ranked: Ranks) -> str:
     """Return how far from independent the data sets are that the tests take for independent."""
     data_sets = len(ranked.rank)

@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from positioning.evaluation.comparison_lines import LEAST_COVERAGE
 from positioning.presentation import tables
 from positioning.presentation.environment import environment
 from positioning.presentation.pages import WORLDS_NEEDED, Picture, build_lines
@@ -167,6 +168,9 @@ def glance(papers: Sequence[str], claims: pd.DataFrame) -> list[dict[str, Any]]:
 def best_rows(rows: Sequence[tables.Row], entries: Mapping[str, Mapping[str, Any]], reference: str) -> str:
     """Return which rows have the smallest mean error, over families or recordings, in one sentence.
 
+    A mean over easy samples alone is no merit: rows that answer less than `LEAST_COVERAGE` of what another
+    one answers do not compete, and the sentence says so.
+
     Parameters
     ----------
     rows
@@ -179,17 +183,24 @@ def best_rows(rows: Sequence[tables.Row], entries: Mapping[str, Mapping[str, Any
     task = tables.task(entries[reference])
     competing = [row for row in rows if tables.task(entries[row.algorithm]) == task]
     families = list(dict.fromkeys(row.family for row in competing if row.cells))
-    best = Counter(
-        tables.best_row([row for row in competing if row.family == family], entries) for family in families
-    )
+    most = {f: max(_answers(row) for row in competing if row.family == f) for f in families}
+    whole = [row for row in competing if row.cells and _answers(row) >= LEAST_COVERAGE * most[row.family]]
+    best = Counter(tables.best_row([row for row in whole if row.family == f], entries) for f in families)
     best.pop(None, None)
     if not best:
         return ""
+    start = "The smallest mean error"
+    if len(whole) < sum(bool(row.cells) for row in competing):
+        start += f" of rows that answer at least {100 * LEAST_COVERAGE:.0f} % of the samples"
     if len(families) == 1:
-        return f"The smallest mean error is that of {next(iter(best))}."
+        return f"{start} is that of {next(iter(best))}."
     told = [f"{row} on {count}" for row, count in best.most_common()]
     listed = told[0] if len(told) == 1 else ", ".join(told[:-1]) + " and " + told[-1]
-    return f"The smallest mean error is that of {listed}."
+    return f"{start} is that of {listed}."
+
+
+def _answers(row: tables.Row) -> int:
+    return row.samples * row.worlds
 
 
 def _paper(
