@@ -3,6 +3,7 @@
 import math
 import re
 from collections import Counter
+from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
 
@@ -96,6 +97,8 @@ def test_the_sentence_counts_every_claim_once() -> None:
     assert told == "Of 14 claims, 11 agree, 1 depends on the world, 1 differs and 1 is not judged."
     assert sum(map(int, re.findall(r"\d+", told))) == 2 * 14
     assert front.in_short(ledger_of(FOUND).iloc[:0]) == "The papers claim nothing here."
+    few = front.in_short(ledger_of({"first": ["depends", "undecided", "undecided"]}))
+    assert few == "Of 3 claims, 1 depends on the world and 2 are undecided."
 
 
 def test_areas_at_a_glance_are_as_the_counts() -> None:
@@ -129,7 +132,9 @@ def test_the_best_row_is_named_by_recording_and_is_no_control() -> None:
         front.best_rows(rows, entries, "wknn") == "The smallest mean error is that of svm on 2 and wknn on 1."
     )
     assert front.best_rows(rows[::3], entries, "wknn") == "The smallest mean error is that of wknn."
-    few = [replace(row, samples=5) if (row.algorithm, row.family) == ("svm", "place 1") else row for row in rows]
+    few = [
+        replace(row, samples=5) if (row.algorithm, row.family) == ("svm", "place 1") else row for row in rows
+    ]
     assert front.best_rows(few, entries, "wknn") == (
         "The smallest mean error of rows that answer at least 98 % of the samples is that of wknn on 2 and"
         " svm on 1."

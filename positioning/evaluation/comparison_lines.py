@@ -136,7 +136,7 @@ def study_lines(study: StudyTables, accepted: set[tuple[str, str]]) -> dict[str,
     for lines in tasks.values():
         for family in dict.fromkeys(line["family"] for line in lines):
             answering = [line for line in lines if line["family"] == family and line["worlds"]]
-            # What nobody answers is unknown here: the row that answers most stands for all samples of a world.
+            # What nobody answers is unknown here: the row that answers most stands for all of a world.
             samples = max((_samples(line) for line in answering), default=0.0)
             of_worlds = max((line["ran_in"] for line in answering), default=0)
             for own in answering:

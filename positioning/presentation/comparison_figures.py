@@ -95,8 +95,8 @@ def _ranks(task: Comparison, group: Group) -> Drawn | None:
         caption=(
             f"{len(mean)} algorithms on the {len(rank)} data sets of {listed(studies)} in which all of them"
             f" answer at least {answered(LEAST_COVERAGE)} of the samples; ranks are of paired differences at"
-            f" common samples.{' ' * bool(few)}{few} Large marker: mean rank; small dots: ranks in single data sets, larger where"
-            " several agree. The bar reaches half of Nemenyi's critical difference"
+            f" common samples.{' ' * bool(few)}{few} Large marker: mean rank; small dots: ranks in single"
+            " data sets, larger where several agree. The bar reaches half of Nemenyi's critical difference"
             f" ({2 * half:.2f} ranks) to either side: two algorithms differ at the 5 % level where their bars"
             " do not overlap; the grey band is that of the best."
             f" Friedman's test: p = {probability(group.ranks.friedman_p)}."
@@ -145,16 +145,18 @@ def _times(task: Comparison, group: Group) -> Drawn | None:
         figure=figure,
         title="Run time against error",
         caption=(
-            "Mean error over a row's own samples against the median run time on a world or recording, both axes"
-            " logarithmic; low and left is better."
+            "Mean error over a row's own samples against the median run time on a world or recording, both"
+            " axes logarithmic; low and left is better."
             + (
-                f" A study of more than {SINGLE_PANELS} data sets has one panel, with geometric means over them."
+                f" A study of more than {SINGLE_PANELS} data sets has one panel, with geometric means over"
+                " them."
                 if any("data sets" in title for title, _ in panels)
                 else ""
             )
             + (
                 " A hollow marker stands for fewer data sets or worlds than others, or for less than"
-                f" {answered(LEAST_COVERAGE)} of the samples of one, and compares less: the grey line passes it by."
+                f" {answered(LEAST_COVERAGE)} of the samples of one, and compares less: the grey line passes"
+                " it by."
                 if several
                 else ""
             )
@@ -189,10 +191,7 @@ def _panels(lines: pd.DataFrame, study: str, named: bool) -> list[tuple[str, pd.
     families = list(dict.fromkeys(kept["family"].astype(str)))
     if len(families) <= SINGLE_PANELS:
         title = study if len(families) == 1 else f"{study}: {{}}" if named else "{}"
-        return [
-            (title.format(family), kept[kept["family"] == family])
-            for family in families
-        ]
+        return [(title.format(family), kept[kept["family"] == family]) for family in families]
     logs = kept.assign(seconds=np.log(kept["seconds"]), mean_m=np.log(kept["mean_m"]))
     means = logs.groupby("label", sort=False).agg(
         seconds=("seconds", "mean"),

@@ -123,7 +123,8 @@ def fewer_worlds(lines: pd.DataFrame) -> str:
     """
     few = tables.records(lines[lines["worlds"] < lines["of_worlds"]])
     told = [
-        f"{line['label']} in {line['worlds']} of the {line['of_worlds']:.0f} of {line['study']}: {line['family']}"
+        f"{line['label']} in {line['worlds']} of the {line['of_worlds']:.0f}"
+        f" of {line['study']}: {line['family']}"
         for line in few
     ]
     return f"In fewer worlds, and compared with others in these alone: {listed(told)}." if told else ""

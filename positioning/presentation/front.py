@@ -24,6 +24,8 @@ PREDICATES = {
     "contradicts itself": ("contradicts the paper's own numbers", "contradict the paper's own numbers"),
     "not judged": ("is not judged", "are not judged"),
 }
+UNDECIDED = ("is undecided", "are undecided")
+"""Too few worlds is no dependence on the world, though both verdicts stand in one group."""
 
 
 @dataclass(frozen=True)
@@ -118,8 +120,13 @@ def in_short(claims: pd.DataFrame) -> str:
     claims
         The ledger, or a part of it.
     """
-    counts = {group: int(claims["verdict"].isin(verdicts).sum()) for group, verdicts in GROUPS.items()}
-    told = [f"{count} {PREDICATES[group][count != 1]}" for group, count in counts.items() if count]
+    counted = []
+    for group, verdicts in GROUPS.items():
+        decided = [verdict for verdict in verdicts if verdict != "undecided"]
+        counted.append((int(claims["verdict"].isin(decided).sum()), PREDICATES[group]))
+        if "undecided" in verdicts:
+            counted.append((int((claims["verdict"] == "undecided").sum()), UNDECIDED))
+    told = [f"{count} {predicate[count != 1]}" for count, predicate in counted if count]
     if not told:
         return "The papers claim nothing here."
     listed = told[0] if len(told) == 1 else ", ".join(told[:-1]) + " and " + told[-1]
@@ -183,8 +190,7 @@ def best_rows(rows: Sequence[tables.Row], entries: Mapping[str, Mapping[str, Any
     task = tables.task(entries[reference])
     competing = [row for row in rows if tables.task(entries[row.algorithm]) == task]
     families = list(dict.fromkeys(row.family for row in competing if row.cells))
-    most = {f: max(_answers(row) for row in competing if row.family == f) for f in families}
-    whole = [row for row in competing if row.cells and _answers(row) >= LEAST_COVERAGE * most[row.family]]
+    whole = [row for f in families for row in tables.whole_rows(r for r in competing if r.family == f)]
     best = Counter(tables.best_row([row for row in whole if row.family == f], entries) for f in families)
     best.pop(None, None)
     if not best:
@@ -197,10 +203,6 @@ def best_rows(rows: Sequence[tables.Row], entries: Mapping[str, Mapping[str, Any
     told = [f"{row} on {count}" for row, count in best.most_common()]
     listed = told[0] if len(told) == 1 else ", ".join(told[:-1]) + " and " + told[-1]
     return f"{start} is that of {listed}."
-
-
-def _answers(row: tables.Row) -> int:
-    return row.samples * row.worlds
 
 
 def _paper(

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from positioning.evaluation.claims import VERDICTS
+from positioning.evaluation.comparison_lines import LEAST_COVERAGE
 from positioning.evaluation.statistics import single_experiment_interval
 from positioning.presentation.tones import is_control
 
@@ -193,7 +194,7 @@ def counts(claims: pd.DataFrame) -> dict[str, int]:
 
 
 def best_row(rows: Iterable[Row], entries: Mapping[str, Mapping[str, Any]]) -> str | None:
-    """Return the competing row of smallest mean error: no control, and no tested sample in training.
+    """Return the competing row of smallest mean error: no control, no tested sample in training, and whole.
 
     Parameters
     ----------
@@ -204,12 +205,20 @@ def best_row(rows: Iterable[Row], entries: Mapping[str, Mapping[str, Any]]) -> s
     """
     competing = [
         row
-        for row in rows
-        if row.cells
-        and not is_control(row.algorithm)
-        and protocol(entries.get(row.algorithm, {})) != "resubstitution"
+        for row in whole_rows(rows)
+        if not is_control(row.algorithm) and protocol(entries.get(row.algorithm, {})) != "resubstitution"
     ]
     return min(competing, key=lambda row: row.cells["mean_m"].rebuilt).algorithm if competing else None
+
+
+def whole_rows(rows: Iterable[Row]) -> list[Row]:
+    """Return the rows of one family that answer at least `LEAST_COVERAGE` of what another one answers.
+
+    A mean over easy samples, or over fewer worlds, is no merit beside one over all.
+    """
+    answering = [row for row in rows if row.cells]
+    most = max((row.samples * row.worlds for row in answering), default=0)
+    return [row for row in answering if row.samples * row.worlds >= LEAST_COVERAGE * most]
 
 
 def protocol(entry: Mapping[str, Any]) -> str:
