@@ -389,7 +389,7 @@ def _over_time(
     *,
     limit: bool = False,
 ) -> Drawn | None:
-    """Draw the median over worlds with the band of single experiments, from before to behind the outage."""
+    """Draw the median over worlds and the upper end of single experiments, from before to behind the outage."""
     panels = flights.panels(panels, quantity)
     if not panels:
         return None
@@ -408,8 +408,9 @@ def _over_time(
             look, worlds = stroke(row), max(worlds, len(values))
             middle = np.median(values, axis=0)
             if len(values) > 1:
-                low, high = np.quantile(values, [0.025, 0.975], axis=0, method="weibull")
-                axes.fill_between(time_s, low, high, color=look.color, alpha=0.10, linewidth=0)
+                # Filled bands of several rows cover each other, and what is below the median worries nobody.
+                high = np.quantile(values, 0.975, axis=0, method="weibull")
+                axes.plot(time_s, high, look.line, color=look.color, linewidth=0.6, alpha=0.7)
                 highs.append(high)
             (handles[row],) = axes.plot(time_s, middle, look.line, color=look.color, linewidth=1.7)
             lows.append(middle)
@@ -432,7 +433,7 @@ def _over_time(
     words = {row: row for row in handles} | {"limit": f"limit {LIMIT_M} m"}
     figure.legend(handles.values(), [words[k] for k in handles], loc="outside upper left", ncols=4)
     number = f"n = {worlds} worlds" if worlds > 1 else "n = 1 world"
-    band = f"; bands: {central(worlds)}, time by time" if worlds > 1 else ""
+    band = f"; thin lines: upper end of the {central(worlds)}, time by time" if worlds > 1 else ""
     ends = f"At the end of the outage, median over worlds: {'; '.join(told)}."
     return Drawn(
         name=drawn.name,
