@@ -265,10 +265,13 @@ def test_errors_through_the_outage_are_medians_over_worlds(drawn):
     for panel, suffix in zip(drawn["outage"].figure.axes, ("", "_15"), strict=True):
         assert panel.get_yscale() == "log"
         for row in ("gps_inertial", "slam", "slam_new_ground", "wlpf", "slam_wlpf"):
-            (curve,) = lines_of(panel, row + suffix)
+            curve, upper = lines_of(panel, row + suffix)
             inside = (TIME_S >= BEGIN_S - 10) & (TIME_S <= END_S + 10)
             np.testing.assert_allclose(curve.get_xdata(), TIME_S[inside] - BEGIN_S)
             np.testing.assert_allclose(curve.get_ydata(), off_m(row + suffix, "white")[1, inside])
+            # Of three worlds the upper end is the largest.
+            np.testing.assert_allclose(upper.get_ydata(), off_m(row + suffix, "white")[:, inside].max(axis=0))
+            assert upper.get_linewidth() < curve.get_linewidth()
         limits = [line for line in panel.get_lines() if set(line.get_ydata()) == {LIMIT_M}]
         assert len(limits) == 1
     # One metre and thirty seconds at one metre a second, in the world between the others.
@@ -282,7 +285,7 @@ def test_an_outage_that_begins_elsewhere_is_drawn_from_its_own_begin(study):
         side["recording.gps_outage_s"] = side["recording.gps_outage_s"] - [[0.0], [0.0], [5.0]]
         side["recording.time_s"] = side["recording.time_s"] - [[0.0], [0.0], [5.0]]
     found = {item.name: item for item in figures.draw(replace(study, observed=moved))}
-    (curve,) = lines_of(found["outage"].figure.axes[0], "slam")
+    curve, _ = lines_of(found["outage"].figure.axes[0], "slam")
     assert curve.get_ydata()[-1] == pytest.approx(1.1)
     at_end = curve.get_ydata()[curve.get_xdata() == END_S - BEGIN_S]
     assert at_end == pytest.approx(1.1 * (1 + 0.05 * 30))
@@ -291,14 +294,14 @@ def test_an_outage_that_begins_elsewhere_is_drawn_from_its_own_begin(study):
 def test_errors_of_the_place_stand_beside_independent_ones(drawn):
     white, place = drawn["outage_place"].figure.axes
     for panel, family in ((white, "white"), (place, "place")):
-        (curve,) = lines_of(panel, "wlpf")
+        curve, _ = lines_of(panel, "wlpf")
         assert curve.get_ydata().max() == pytest.approx(off_m("wlpf", family)[1].max())
     assert place.get_title(loc="left") == "place: of the place"
     assert white.get_ylim() == place.get_ylim()
 
 
 def test_the_height_is_drawn_as_a_distance(drawn):
-    (curve,) = lines_of(drawn["height"].figure.axes[0], "gps_inertial")
+    curve, _ = lines_of(drawn["height"].figure.axes[0], "gps_inertial")
     assert curve.get_ydata()[0] == pytest.approx(2.5 * 1.1)
 
 

@@ -389,7 +389,10 @@ def _over_time(
     *,
     limit: bool = False,
 ) -> Drawn | None:
-    """Draw the median over worlds and the upper end of single experiments, from before to behind the outage."""
+    """Draw the median over worlds and the upper end of single experiments, from before to behind the outage.
+
+    Errors are not below zero, so that the lower end tells little.
+    """
     panels = flights.panels(panels, quantity)
     if not panels:
         return None
@@ -407,12 +410,12 @@ def _over_time(
             time_s, values = _aligned(flight, quantity)
             look, worlds = stroke(row), max(worlds, len(values))
             middle = np.median(values, axis=0)
+            (handles[row],) = axes.plot(time_s, middle, look.line, color=look.color, linewidth=1.7)
             if len(values) > 1:
                 # Filled bands of several rows cover each other, and what is below the median worries nobody.
                 high = np.quantile(values, 0.975, axis=0, method="weibull")
                 axes.plot(time_s, high, look.line, color=look.color, linewidth=0.6, alpha=0.7)
                 highs.append(high)
-            (handles[row],) = axes.plot(time_s, middle, look.line, color=look.color, linewidth=1.7)
             lows.append(middle)
             highs.append(middle)
             last = int(np.searchsorted(time_s, lasts_s, side="right")) - 1
