@@ -32,6 +32,8 @@ def errors(row: str, count: int = COUNT) -> np.ndarray:
     """Errors [world, point] of a configured row on the first worlds."""
     line = dict(CONFIG["algorithms"][row] or {})
     use, protocol = line.pop("use", row), line.pop("protocol", None)
+    # How many worlds of its study a row has; these here are others.
+    line.pop("worlds", None)
     observed, truth = ({n: v[:count] for n, v in side.items()} for side in worlds())
     options: dict[str, Any] = {"protocol": protocol} if protocol else {}
     outcome = task.run(
