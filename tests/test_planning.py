@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import yaml
 from conftest import ROOT, SMALL
+from planning import code
 from planning.checks import check_schema
 from planning.code import code_of, constructor_choices, constructor_parameters, fits, methods
 from planning.config import resolve
@@ -562,6 +563,43 @@ def test_code_finds_imports_inside_functions(tmp_path: Path, monkeypatch: pytest
     (tmp_path / "positioning/b.py").write_text("import numpy\nimport positioning.a\n", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     assert code_of("positioning/a.py") == ["positioning/a.py", "positioning/b.py"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "from positioning import (\n    b,\n)\n",
+        "from positioning import (  # (old\n    a,  # (new)\n    b,\n)\n",
+        "try:\n    x = 1\nexcept E: from positioning import b\n",
+        "if x: import positioning.b\nelse: import numpy\n",
+        "if x:\n    y = 1\nelse: import positioning.b\n",
+        "from positioning \\\n    import b\n",
+        "from positioning import \\\n    b\n",
+        "x = 1; import positioning.b\n",
+        "import numpy, positioning.b\n",
+        '"""Words that import nothing:\n\nimport as you like (or not\n"""\nimport positioning.b\n',
+    ],
+)
+def test_code_finds_imports_however_they_are_written(
+    text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "positioning").mkdir()
+    (tmp_path / "positioning/a.py").write_text(text, encoding="utf-8")
+    (tmp_path / "positioning/b.py").write_text("", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.py").write_text(text, encoding="utf-8")
+    assert "positioning/b.py" in code_of("a.py")
+
+
+def test_imports_found_in_lines_are_those_of_the_whole_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    files = [file for room in ("positioning", "workflow") for file in (ROOT / room).rglob("*.py")]
+    sources = [str(file.relative_to(ROOT)) for file in files]
+    quick = {source: code._imports.__wrapped__(source) for source in sources}
+    assert sum(map(len, quick.values())) > 500
+    monkeypatch.setattr(code, "_import_lines", code._parsed)
+    for source in sources:
+        assert set(quick[source]) == set(code._imports.__wrapped__(source)), source
 
 
 def test_constructor_parameters_without_import(tmp_path: Path) -> None:

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from positioning.evaluation.ranks import difference_ranks, worlds_won
-from positioning.evaluation.statistics import CONFIDENCE, Interval, mean_interval
+from positioning.evaluation.statistics import CONFIDENCE, Interval, mean_interval, student_t
 
 COLUMNS = [
     "study",
@@ -259,7 +258,7 @@ def _interval(
     samples = int(line["n"])
     if samples < 2:
         return _NO_INTERVAL, ""
-    half = float(stdtrit(samples - 1, (1 + CONFIDENCE) / 2) * line["se_m"])
+    half = student_t(samples - 1) * float(line["se_m"])
     return Interval(float(line["mean_m"]) - half, float(line["mean_m"]) + half, CONFIDENCE), "samples"
 
 

@@ -1,6 +1,5 @@
 """Figures of a study: a study's own set where it has one, otherwise the same two kinds for every study."""
 
-import io
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -10,7 +9,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -21,6 +19,7 @@ from positioning.evaluation.measures import paired, published_numbers
 from positioning.evaluation.results import StudyResults
 from positioning.evaluation.statistics import Interval, single_experiment_interval
 from positioning.files import write_text
+from positioning.presentation.figure_svg import draw_svg
 from positioning.presentation.style import GREY, WIDTH_IN, drawing, stroke
 from positioning.presentation.svg import compact, svg_to_pdf
 from positioning.presentation.tables import central
@@ -28,6 +27,8 @@ from positioning.presentation.tones import is_control
 
 PERCENTILES = {"p50_m": 50, "p75_m": 75, "p90_m": 90, "p95_m": 95}
 _LEVELS = np.linspace(0, 100, 201)
+_FIRST_MARKER, _BETWEEN_MARKERS = 16, 60
+"""Where the markers of a distribution stand, in steps of `_LEVELS`: three a curve."""
 
 
 @dataclass(frozen=True)
@@ -87,15 +88,9 @@ def save(drawn: Iterable[Drawn], folder: str | Path) -> None:
     captions = []
     with drawing():
         for item in drawn:
-            text = io.StringIO()
-            item.figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
-            write_text(Path(folder) / f"{item.name}.svg", compact(text.getvalue()))
-            # Both files have the one layout; it is not sought again.
-            item.figure.set_layout_engine(None)
-            text = io.StringIO()
-            with mpl.rc_context({"svg.fonttype": "none"}):
-                item.figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
-            pdf = svg_to_pdf(text.getvalue(), item.title)
+            paths, letters = draw_svg(item.figure)
+            write_text(Path(folder) / f"{item.name}.svg", compact(paths))
+            pdf = svg_to_pdf(letters, item.title)
             (Path(folder) / f"{item.name}.pdf").write_bytes(pdf)
             captions.append(
                 {"name": item.name, "title": item.title, "caption": item.caption, "alt": item.alt}
@@ -185,7 +180,19 @@ def counted(results: StudyResults, family: str) -> str:
     """Return in words how many samples and worlds a family has; rows that have others are named."""
     rows = measured_rows(results, family)
     worlds = max(len(per_world(results, family, row)) for row in rows)
-    return sample_counts(results, family, rows) + (f" in each of {worlds} worlds" if worlds > 1 else "")
+    few = "; ".join(f"{row} in the first {count}" for row, count in fewer_worlds(results, family).items())
+    return (
+        sample_counts(results, family, rows)
+        + (f" in each of {worlds} worlds" if worlds > 1 else "")
+        + (f" ({few})" if few else "")
+    )
+
+
+def fewer_worlds(results: StudyResults, family: str) -> dict[str, int]:
+    """Return the rows of a family that ran in fewer worlds than others, with how many: the first ones."""
+    counts = {row: len(per_world(results, family, row)) for row in measured_rows(results, family)}
+    most = max(counts.values(), default=0)
+    return {row: count for row, count in counts.items() if count < most}
 
 
 def sample_counts(results: StudyResults, family: str, rows: Sequence[str]) -> str:
@@ -224,13 +231,27 @@ def printed_or_none(results: StudyResults, claim: str) -> str | None:
 
 
 def distribution(axes: Axes, results: StudyResults, family: str, rows: Sequence[str]) -> None:
-    """Draw the cumulative distribution of the pooled errors of some rows, printed percentiles as markers."""
+    """Draw cumulative distributions of the pooled errors of rows, printed percentiles as hollow markers.
+
+    Filled markers, which stand elsewhere on each curve, tell the curves apart where colours do not.
+    """
     numbers, reach = published(results), [0.0]
-    for row in rows:
+    for place, row in enumerate(rows):
         own = results.errors(row, family)
         errors = own[own["value"].isna()]["error_m"].to_numpy(dtype=float)
         look = stroke(row)
-        axes.plot(np.percentile(errors, _LEVELS), _LEVELS, color=look.color, linestyle=look.line, label=row)
+        axes.plot(
+            np.percentile(errors, _LEVELS),
+            _LEVELS,
+            color=look.color,
+            linestyle=look.line,
+            marker=look.marker,
+            markersize=4,
+            markevery=(_FIRST_MARKER + round(_BETWEEN_MARKERS * place / len(rows)), _BETWEEN_MARKERS),
+            # Where two curves are one, the gaps of a broken line show the other.
+            zorder=2 if look.line == "-" else 2.1,
+            label=row,
+        )
         printed = numbers.get((family, row), {})
         levels = [
             (float(printed[metric]), level) for metric, level in PERCENTILES.items() if metric in printed
