@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
+from threadpoolctl import threadpool_limits
 
 from positioning.errors import InputError
 from positioning.evaluation.metrics import METRICS, figures_of_merit
@@ -50,12 +51,22 @@ def main(
     found: list[dict[str, Any]] = []
     # Forked, so that what is imported here need not be imported again.
     several = processes > 1
-    with ProcessPoolExecutor(processes, get_context("fork")) if several else nullcontext() as pool:
+    pools = ProcessPoolExecutor(processes, get_context("fork"), _alone) if several else nullcontext()
+    with pools as pool:
         for step in steps:
             family = step["family"] or next(iter(families))
             settings = {**families[family], **calibrated_settings(found, family), **step["settings"]}
             found.append(calibrate(study, family, settings, step, pool.map if pool else map, processes))
     write_json(output, found)
+
+
+def _alone() -> None:
+    """Keep a process to one thread.
+
+    Snakemake allows linear algebra as many threads as the job has, in each process; they would wait for each
+    other, in three times the time of one.
+    """
+    threadpool_limits(1)
 
 
 def calibrate(
