@@ -457,6 +457,66 @@ def test_captions_tell_samples_and_worlds(built):
         assert line["alt"]
 
 
+def test_captions_name_rows_that_ran_in_fewer_worlds(built):
+    arguments = built["figures"]
+    measures = pd.read_parquet(arguments["measures"])
+    observed, truth = (
+        {"floor": {**dict.fromkeys(("world", "seed"), np.arange(2)), **values}}
+        for values in (
+            {
+                "site.corner_m": np.tile([[0.0, 0.0], [20.0, 20.0]], (2, 1, 1)),
+                "site.access_point_m": np.ones((2, 3, 2)),
+                "site.wall_m": np.full((2, 1, 2, 2), np.nan),
+                "survey.position_m": np.ones((2, SAMPLES, 2)),
+            },
+            {"truth.field_dbm": np.full((2, SAMPLES, 3), -60.0)},
+        )
+    )
+    results = StudyResults(
+        study=STUDY,
+        rows=tuple(arguments["rows"]),
+        sweeps={},
+        measures=measures[(measures["algorithm"] != "wknn") | (measures["world"] < 10)],
+        error_files=tuple(arguments["errors"]),
+        observed=observed,
+        truth=truth,
+        paper=read_yaml(arguments["paper"]),
+    )
+    assert figures.fewer_worlds(results, "floor") == {"wknn": 10}
+    told = {item.name: item for item in figures.draw(results)}
+    assert f"in each of {WORLDS} worlds (wknn in the first 10)" in told["fig3"].caption
+    assert (
+        f"{WORLDS} worlds. wknn ran in the first 10 of them, and its bar is the central 82 %"
+        in told["table1"].caption
+    )
+    assert f"{WORLDS} worlds; wknn: the first 10." in told["paired"].caption
+    assert f"World 1 of {WORLDS}" in told["world"].caption
+    assert "\N{MINUS SIGN}60 dBm" in told["world"].alt
+
+
+def test_curves_of_a_distribution_differ_by_markers_and_show_where_they_are_one(built):
+    arguments = built["figures"]
+    rows = tuple(arguments["rows"])
+    results = StudyResults(
+        study="another",
+        rows=rows,
+        sweeps={},
+        measures=pd.read_parquet(arguments["measures"]),
+        error_files=tuple(arguments["errors"]),
+        observed={},
+        truth={},
+    )
+    axes = figures.new_figure(3).subplots()
+    figures.distribution(axes, results, "floor", [row for row in rows if row != "svm"])
+    lines = {line.get_label(): line for line in axes.get_lines()}
+    assert {row: line.get_marker() for row, line in lines.items()} == {
+        row: stroke(row).marker for row in lines
+    }
+    starts = [line.get_markevery()[0] for line in lines.values()]
+    assert len(set(starts)) == len(starts)
+    assert lines["rbf_resubstitution"].get_zorder() > lines["wknn"].get_zorder()
+
+
 def test_real_recordings_have_a_panel_each(built, tmp_path):
     recordings = ("hall", "roof")
     paths = [

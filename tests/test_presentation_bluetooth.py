@@ -318,8 +318,9 @@ def test_heat_map_holds_the_mean_shares_and_the_limit(drawn):
 def test_sweeps_have_a_curve_for_each_family(robot, drawn):
     for name in ("particles", "sigma"):
         (axes,) = drawn[name].figure.axes
-        lines = axes.get_lines()
+        lines = [line for line in axes.get_lines() if not line.get_label().startswith("_")]
         assert [line.get_label() for line in lines] == list(FAMILIES)
+        assert len(axes.get_lines()) == 3 * len(FAMILIES), "each band has its two ends"
         for family, line in zip(FAMILIES, lines, strict=True):
             own = robot.measures
             own = own[(own["algorithm"] == name) & (own["metric"] == "mean_m") & (own["family"] == family)]
@@ -405,6 +406,8 @@ def test_scenario_shows_circles_solutions_and_printed_points():
     np.testing.assert_allclose(found["true place"], (1.05, 0.79))
     gap = np.hypot(-1.2049 + 0.5435, 3.7668 - 1.2408)
     assert f"lies {gap:.4f} m from that of pseudo_inverse" in item.caption
+    assert "pseudo_inverse (\N{MINUS SIGN}0.5435, 1.2408) m" in item.caption
+    assert zoom.get_title(loc="left") == "\N{PLUS-MINUS SIGN}0.3 m about the true place"
     for low, high in (zoom.get_xlim(), zoom.get_ylim()):
         assert high - low == pytest.approx(0.6)
     for x, y in SOLVED.values():

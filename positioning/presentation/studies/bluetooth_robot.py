@@ -520,6 +520,9 @@ def _sweep(study: Study, name: str, label: str, title: str, logarithmic: bool = 
         line, look = figures.curve(replace(study.results, observed=observed), name), study.look(family)
         if line.worlds > 1:
             axes.fill_between(line.values, line.low_m, line.high_m, color=look.color, alpha=0.14, linewidth=0)
+            # Bands that lie on each other are one grey in print: their ends tell them apart.
+            for end_m in (line.low_m, line.high_m):
+                axes.plot(line.values, end_m, look.line, color=look.color, linewidth=0.7)
         axes.plot(line.values, line.mean_m, look.marker + look.line, color=look.color, label=family)
         numbers = ", ".join(f"{m:.2f} m at {v:g}" for v, m in zip(line.values, line.mean_m, strict=True))
         told.append(f"{family}: {numbers}; smallest at {line.best:g}")

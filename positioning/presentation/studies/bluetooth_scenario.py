@@ -64,7 +64,7 @@ def draw(results: StudyResults) -> list[Drawn]:
     whole.set_title("beacons, distances and solutions")
     zoom.set_xlim(true_m[0] - ZOOM_M, true_m[0] + ZOOM_M)
     zoom.set_ylim(true_m[1] - ZOOM_M, true_m[1] + ZOOM_M)
-    zoom.set_title(f"{2 * ZOOM_M:g} m about the true place")
+    zoom.set_title(f"\N{PLUS-MINUS SIGN}{ZOOM_M:g} m about the true place")
     handles, labels = whole.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, markerscale=0.8)
     return [
@@ -77,8 +77,8 @@ def draw(results: StudyResults) -> list[Drawn]:
             " markers lie on larger ones where rows agree. Hollow: the printed points."
             + _gaps(points_m, printed_m)
             + " Solutions: "
-            + ", ".join(f"{row} ({place[0]:.4f}, {place[1]:.4f})" for row, place in points_m.items())
-            + ", metres.",
+            + ", ".join(f"{row} {_place(place)}" for row, place in points_m.items())
+            + ".",
             alt=f"The true place is {_place(true_m)}. Solutions: "
             + "; ".join(
                 f"{row} {_place(place)}, {np.linalg.norm(place - true_m):.2f} m away"

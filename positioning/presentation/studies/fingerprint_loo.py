@@ -12,7 +12,7 @@ from positioning.evaluation.results import StudyResults
 from positioning.presentation import figures
 from positioning.presentation.figures import Drawn
 from positioning.presentation.style import stroke
-from positioning.presentation.tables import central
+from positioning.presentation.tables import central, decimals
 
 REFERENCE = "wknn"
 
@@ -121,7 +121,8 @@ def _world(results: StudyResults, family: str) -> Drawn:
         " and furniture stands where a place is missing.",
         alt=f"Floor plan of {size_m[0]:.0f} by {size_m[1]:.0f} metres with {count} surveyed places and"
         f" {len(access_point_m)} access points; the signal of access point 1 falls from"
-        f" {field_dbm[:, 0].max():.0f} dBm beside it to {field_dbm[:, 0].min():.0f} dBm behind the walls.",
+        f" {decimals(field_dbm[:, 0].max(), least=0)} dBm beside it to"
+        f" {decimals(field_dbm[:, 0].min(), least=0)} dBm behind the walls.",
     )
 
 
@@ -176,7 +177,7 @@ def _distribution(results: StudyResults, family: str, rows: list[str]) -> Drawn:
         title="Error distribution",
         caption="Share of position errors up to a given size, leave-one-out unless the row's name says"
         f" otherwise; all worlds pooled, {figures.counted(results, family)}. Hollow markers: the printed"
-        " percentiles of Table 1.",
+        " percentiles of Table 1; filled ones tell the curves apart.",
         alt=figures.distribution_alt(results, family, rows),
     )
 
@@ -191,7 +192,7 @@ def _table(results: StudyResults, family: str, rows: list[str]) -> Drawn:
         title="Printed means beside rebuilt ones",
         caption=f"Dot: mean error over worlds; bar: {central(_worlds(results, family))}; hollow diamond:"
         f" the mean printed in Table 1, where there is one. {_sized(results, family)},"
-        f" {_worlds(results, family)} worlds.",
+        f" {_worlds(results, family)} worlds.{_few(results, family)}",
         alt=figures.means_alt(results, family, rows),
     )
 
@@ -205,9 +206,14 @@ def _paired(results: StudyResults, family: str, reference: str) -> Drawn:
         figure=figure,
         title=f"Paired differences to {reference}",
         caption=f"Mean error minus that of {reference} on the same {_of(frame)}, with the 95 % interval"
-        f" of the mean difference. {_sized(results, family)}, {_worlds(results, family)} worlds.",
+        f" of the mean difference. {_sized(results, family)}, {_worlds(results, family)} worlds"
+        + "".join(f"; {row}: the first {n}" for row, n in figures.fewer_worlds(results, family).items())
+        + ".",
         alt=f"Paired differences to {reference}: "
-        + ", ".join(f"{r['algorithm']} {r['difference_m']:+.2f} m" for r in frame.to_dict("records"))
+        + ", ".join(
+            f"{r['algorithm']} {r['difference_m']:+.2f} m".replace(" -", " \N{MINUS SIGN}")
+            for r in frame.to_dict("records")
+        )
         + ".",
     )
 
@@ -217,7 +223,15 @@ def _of(frame: pd.DataFrame) -> str:
 
 
 def _worlds(results: StudyResults, family: str) -> int:
-    return len(figures.per_world(results, family, figures.measured_rows(results, family)[0]))
+    return max(len(figures.per_world(results, family, row)) for row in figures.measured_rows(results, family))
+
+
+def _few(results: StudyResults, family: str) -> str:
+    """Return in words what differs of rows that ran in fewer worlds, empty where none has."""
+    return "".join(
+        f" {row} ran in the first {worlds} of them, and its bar is the {central(worlds)}."
+        for row, worlds in figures.fewer_worlds(results, family).items()
+    )
 
 
 def _sized(results: StudyResults, family: str) -> str:

@@ -197,8 +197,8 @@ def _static(drive: Drive) -> Drawn | None:
         caption=f"Readings of the strongest access point at the start, one bar a dBm: n = {len(rss_dbm)}"
         f" readings at one place, {drive.where()}; mean {mean} dBm, standard deviation {deviation} dB. The"
         " size of the fading is calibrated on the printed error of the full map, on other worlds.",
-        alt=f"Histogram of {len(rss_dbm)} levels from {levels[0]:.0f} to {levels[-1]:.0f} dBm, mean {mean}"
-        f" dBm, standard deviation {deviation} dB.",
+        alt=f"Histogram of {len(rss_dbm)} levels from {decimals(levels[0], least=0)} to"
+        f" {decimals(levels[-1], least=0)} dBm, mean {mean} dBm, standard deviation {deviation} dB.",
     )
 
 
