@@ -321,14 +321,25 @@ def study_markdown(title: str, table: pd.DataFrame, claims: pd.DataFrame, paper:
 
 
 def size_of(rows: Sequence[Row]) -> str:
-    """Return in words how many samples and worlds stand behind rows of one family."""
-    sizes = sorted({(row.samples, row.worlds) for row in rows if row.cells})
-    if len(sizes) > 2 and len({w for _, w in sizes}) == 1:
-        (low, worlds), (high, _) = sizes[0], sizes[-1]
+    """Return in words how many samples and worlds stand behind rows of a family: of most, then of others."""
+    sizes: dict[tuple[int, int], list[str]] = {}
+    for row in rows:
+        if row.cells:
+            sizes.setdefault((row.samples, row.worlds), []).append(row.algorithm)
+    if not sizes:
+        return ""
+    if len(sizes) > 3 and len({worlds for _, worlds in sizes}) == 1:
+        (low, worlds), (high, _) = min(sizes), max(sizes)
         return f"n = {low} to {high} samples" + (f" in each of {worlds} worlds." if worlds > 1 else ".")
-    return "; ".join(
-        f"n = {n} sample{'s' * (n != 1)}" + (f" in each of {w} worlds" if w > 1 else "") for n, w in sizes
-    ) + ("." if sizes else "")
+    samples, worlds = max(sizes, key=lambda size: (len(sizes[size]), size))
+    others = []
+    for (n, count), names in sorted(sizes.items()):
+        told = [f"n = {n}"] * (n != samples) + [f"{count} world{'s' * (count != 1)}"] * (count != worlds)
+        others += [f"{', '.join(names)}: {' in '.join(told)}"] * bool(told)
+    text = f"n = {samples} sample{'s' * (samples != 1)}" + (
+        f" in each of {worlds} worlds" if worlds > 1 else ""
+    )
+    return text + (f" ({'; '.join(others)})" if others else "") + "."
 
 
 def _markdown_cell(cell: Cell | None) -> str:
@@ -407,6 +418,8 @@ def study_latex(
 ) -> str:
     """Return a study's tables as LaTeX for the package booktabs, one table a family.
 
+    Printed numbers stand below the rebuilt ones, so that a table fits the width of a page.
+
     Parameters
     ----------
     study, title
@@ -423,32 +436,38 @@ def study_latex(
         letters = sorted({cell.verdict for row in own for cell in row.cells.values() if cell.verdict})
         marks = ", ".join(f"$^{{{MARKS.get(verdict, '?')}}}$~{verdict}" for verdict in letters)
         caption = f"{latex(title)} ({latex(family)}): position errors in metres. {latex(size_of(own))}"
-        caption += f" Printed numbers, then rebuilt means over worlds; {marks}." if printed else ""
-        groups = [f"\\multicolumn{{{1 + (m in printed)}}}{{c}}{{{latex(HEADINGS[m])}}}" for m in shown]
-        under = [part for m in shown for part in (["printed", "rebuilt"] if m in printed else ["rebuilt"])]
-        columns = "l" + "r" * len(under) + "l"
+        worlds = most_worlds(own)
+        caption += f" Last column: {latex(central(worlds))}, of the mean." if worlds > 1 else ""
+        caption += (
+            " Printed numbers stand below the rebuilt means over worlds, in parentheses;" if printed else ""
+        )
+        caption += f" {marks}." if printed else ""
+        last = [[], ["interval"]][worlds > 1]
         parts += [
             "\\begin{table}",
-            "\\centering",
+            "\\centering\\footnotesize\\setlength{\\tabcolsep}{3pt}",
             f"\\caption{{{caption}}}",
             f"\\label{{tab:{study}:{family}}}".replace("_", "-"),
-            f"\\begin{{tabular}}{{{columns}}}",
+            f"\\begin{{tabular}}{{l{'r' * len(shown)}{'l' * len(last)}}}",
             "\\toprule",
-            " & ".join(["", *groups, "mean,"]) + " \\\\",
-            " & ".join(["algorithm", *under, latex(central(most_worlds(own)))]) + " \\\\",
+            " & ".join(["algorithm", *(latex(HEADINGS[metric]) for metric in shown), *last]) + " \\\\",
             "\\midrule",
         ]
         for row in own:
             name = f"\\texttt{{{latex(row.algorithm)}}}"
             if row.note:
-                parts.append(f"{name} & \\multicolumn{{{len(under) + 1}}}{{l}}{{{latex(row.note)}}} \\\\")
+                parts.append(
+                    f"{name} & \\multicolumn{{{len(shown) + len(last)}}}{{l}}{{{latex(row.note)}}} \\\\"
+                )
                 continue
-            cells = []
-            for metric in shown:
-                cell = row.cells[metric]
-                mark = f"$^{{{MARKS.get(cell.verdict, '?')}}}$" if cell.verdict else ""
-                cells += [cell.printed] * (metric in printed) + [latex(cell.text) + mark]
-            parts.append(" & ".join([name, *cells, latex(row.cells["mean_m"].span)]) + " \\\\")
+            cells = [row.cells[metric] for metric in shown]
+            marked = [f"$^{{{MARKS.get(cell.verdict, '?')}}}$" if cell.verdict else "" for cell in cells]
+            values = [latex(cell.text) + mark for cell, mark in zip(cells, marked, strict=True)]
+            span = [latex(row.cells["mean_m"].span) for _ in last]
+            parts.append(" & ".join([name, *values, *span]) + " \\\\")
+            if any(cell.printed for cell in cells):
+                below = [f"({cell.printed})" if cell.printed else "" for cell in cells]
+                parts.append(" & ".join(["", *below, *("" for _ in last)]) + " \\\\")
         parts += ["\\bottomrule", "\\end{tabular}", "\\end{table}", ""]
     return "\n".join(parts).rstrip() + "\n"
 

@@ -86,6 +86,8 @@
       for (let th = header.previousElementSibling; th; th = th.previousElementSibling) column += th.colSpan;
       const button = document.createElement("button");
       button.type = "button";
+      // Printed instead of the button, which no page after the first would repeat.
+      header.dataset.name = header.textContent.trim();
       button.append(...header.childNodes);
       header.append(button);
       button.addEventListener("click", () => sort(table, header, column));
