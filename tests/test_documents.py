@@ -185,6 +185,7 @@ def test_readme_tables_fill_the_blocks_and_change_nothing_else(toy: Path) -> Non
         "3",
         "1",
         NOTHING,
+        NOTHING,
         "1",
         NOTHING,
         "1",

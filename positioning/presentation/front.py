@@ -20,12 +20,11 @@ SIDE_REM = 2.6
 PREDICATES = {
     "agrees": ("agrees", "agree"),
     "depends on the world": ("depends on the world", "depend on the world"),
+    "undecided": ("is undecided", "are undecided"),
     "differs": ("differs", "differ"),
     "contradicts itself": ("contradicts the paper's own numbers", "contradict the paper's own numbers"),
     "not judged": ("is not judged", "are not judged"),
 }
-UNDECIDED = ("is undecided", "are undecided")
-"""Too few worlds is no dependence on the world, though both verdicts stand in one group."""
 
 
 @dataclass(frozen=True)
@@ -120,12 +119,9 @@ def in_short(claims: pd.DataFrame) -> str:
     claims
         The ledger, or a part of it.
     """
-    counted = []
-    for group, verdicts in GROUPS.items():
-        decided = [verdict for verdict in verdicts if verdict != "undecided"]
-        counted.append((int(claims["verdict"].isin(decided).sum()), PREDICATES[group]))
-        if "undecided" in verdicts:
-            counted.append((int((claims["verdict"] == "undecided").sum()), UNDECIDED))
+    counted = [
+        (int(claims["verdict"].isin(verdicts).sum()), PREDICATES[group]) for group, verdicts in GROUPS.items()
+    ]
     told = [f"{count} {predicate[count != 1]}" for count, predicate in counted if count]
     if not told:
         return "The papers claim nothing here."

@@ -5,7 +5,8 @@ CONTROL = "control_"
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "agrees": ("exact", "reproduced", "holds"),
-    "depends on the world": ("depends", "undecided"),
+    "depends on the world": ("depends",),
+    "undecided": ("undecided",),
     "differs": ("not reproduced", "fails"),
     "contradicts itself": ("contradicts itself",),
     "not judged": ("calibrated", "none given", "not testable"),
