@@ -18,7 +18,8 @@ from positioning.files import read_tree, read_yaml, write_tree
 from positioning.inertial.geodetic import to_geodetic
 from positioning.presentation import figures
 from positioning.presentation.studies.flight_real import TRACKS
-from positioning.presentation.studies.sar_flight import LENGTHS, NOISE_ROWS
+from positioning.presentation.studies.sar_flight import LENGTHS, NOISE_ROWS, _apart
+from positioning.presentation.studies.sar_flight_world import three_digits
 from positioning.presentation.style import KNOWN, contrast, difference, drawing
 
 PAPER = read_yaml(ROOT / "data/papers/robo_sar.yaml")
@@ -369,7 +370,29 @@ def test_sweeps_are_drawn_at_their_values(drawn):
         (curve,) = [line for line in axes.get_lines() if len(line.get_xdata()) == 3]
         np.testing.assert_allclose(curve.get_ydata(), levels)
     assert nees.get_yscale() == "log"
-    assert "1e+03 at 0.01" in drawn["noise"].alt
+    assert "1\N{NARROW NO-BREAK SPACE}000 at 0.01" in drawn["noise"].alt
+    assert "e+" not in drawn["noise"].caption + drawn["consistency"].caption
+
+
+def test_labels_of_factors_on_q_have_room():
+    factors = [0.01, 0.1, 1.0, 100.0, 10_000.0, 1_000_000.0]
+    assert _apart(factors) == [0.01, 1, 100, 10_000, 1_000_000]
+    assert _apart([3.0]) == [3]
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [(41_823.0, "41 800"), (2_160_000, "2 160 000"), (998.7, "999"), (6.789, "6.79"), (0.01, "0.01")],
+)
+def test_numbers_in_captions_have_three_digits_that_count(value, words):
+    assert three_digits(value) == words.replace(" ", "\N{NARROW NO-BREAK SPACE}")
+
+
+@pytest.mark.parametrize("name", ["outage", "height", "weak", "outage_place"])
+def test_curves_over_time_are_told_apart_without_colour(drawn, name):
+    for axes in drawn[name].figure.axes:
+        looks = [(c.get_linestyle(), c.get_marker()) for c in axes.get_lines() if c.get_marker() != "None"]
+        assert len(set(looks)) == len(looks) > 1
 
 
 def test_the_mean_lag_is_told_with_its_interval(study, drawn):
@@ -593,6 +616,8 @@ def test_errors_of_the_rover_over_time_and_in_the_outage(real):
             if line.get_color() == KNOWN["gps_inertial"].color
         ]
         np.testing.assert_allclose(x, levels)
+    dots = {line.get_color(): line.get_marker() for line in mean.get_lines() if len(line.get_xdata()) == 1}
+    assert len(set(dots.values())) == len(dots) > 1
     assert "n = 2 recordings with 10 or 20 epochs" in found["outage"].caption
 
 

@@ -15,7 +15,7 @@ from positioning.evaluation.results import StudyResults
 from positioning.files import read_yaml, write_errors, write_tree
 from positioning.presentation import figures
 from positioning.presentation.studies.foot_wlan import Printed
-from positioning.presentation.style import KNOWN, contrast, difference, drawing
+from positioning.presentation.style import KNOWN, contrast, difference, drawing, markers_apart
 
 ROOT = Path(__file__).resolve().parents[1]
 PAPER = read_yaml(ROOT / "data/papers/foot_wlan.yaml")
@@ -460,6 +460,8 @@ def test_no_recording_is_left_out(real):
     assert len(line(first, "inertial").get_xdata()) == 6
     assert len(line(second, "inertial").get_xdata()) == 5
     assert 0 < line(first, "control_centre").get_xdata()[5] < 0.05
+    markers = [dots.get_marker() for dots in first.get_lines() if dots.get_label() in ROWS]
+    assert len(set(markers)) == len(markers) > 2
     assert "for it is zero: control_centre in loop" in found["errors"].caption
     # Twelve stances are eleven strides; the loop has none that are known.
     assert "inertial 0.36 (0.36 to 0.36, 5 recordings)" in found["errors"].caption
@@ -477,6 +479,7 @@ def test_tracks_are_chosen_by_the_truth_alone(real):
     chosen = [axes.get_title(loc="left").split("\n")[0] for axes in panels]
     assert chosen == ["mocap_c", "mocap_b", "corridor_2", "loop"]
     np.testing.assert_allclose(line(panels[1], "inertial").get_ydata(), 0.5)
+    assert "inertial_shoe 0.10 m (steps found 1, true strides 11)" in tracks.caption
     square_m = line(panels[3], "inertial").get_xydata() - [0.0, 0.5]
     np.testing.assert_allclose(square_m[:5], [[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]], atol=1e-12)
 
@@ -487,6 +490,17 @@ def test_recordings_without_feet_or_without_scans_are_enough(real):
     feet = kept(real, lambda m: m["family"] == "mocap_a")
     assert names(feet) == ["errors", "tracks"]
     assert names(replace(real, estimate_files=())) == ["errors", "fingerprints"]
+
+
+def test_dots_have_markers_of_their_own_as_far_as_there_are_any():
+    assert markers_apart(["wlan", "wlan_latest", "control_centre"]) == {
+        "wlan": "s",
+        "wlan_latest": "o",
+        "control_centre": "+",
+    }
+    many = markers_apart([f"row_{place}" for place in range(12)])
+    assert len(many) == 12
+    assert len(set(many.values())) == 9
 
 
 def test_rows_of_the_studies_have_strokes_that_are_told_apart():

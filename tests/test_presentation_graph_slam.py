@@ -311,16 +311,17 @@ def test_raw_walks_are_drawn_in_their_own_frames_and_others_over_the_plan(study,
 def test_histograms_are_densities_of_both_ties_below_what_is_printed(drawn):
     by_all, by_first = drawn["fig7"].figure.axes
     for axes, factor in ((by_all, 1), (by_first, 2)):
-        bars = axes.patches
-        assert sum(bar.get_height() * bar.get_width() for bar in bars) == pytest.approx(1)
-        reach_m = max(bar.get_x() + bar.get_width() for bar in bars if bar.get_height() > 0)
+        (outline,) = axes.patches
+        x, y = outline.get_xy()[:-1].T
+        assert abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1))) / 2 == pytest.approx(1)
+        reach_m = x[y > 0].max()
         assert reach_m == pytest.approx(1.2 * 1.25 * factor, abs=0.25)
         places = np.sort(dots(axes, "D")[:, 0])
         np.testing.assert_allclose(
             places, np.sort([1.4, (1.0 if factor == 1 else 2.0) + 0.1 / factor]), atol=0.1
         )
         assert 4.2 in dots(axes, "^")[:, 0]
-        assert all(height > max(bar.get_height() for bar in bars) for height in dots(axes, "D")[:, 1])
+        assert all(height > y.max() for height in dots(axes, "D")[:, 1])
     assert "mean 1.4 m, standard deviation 0.9 m, largest 4.2 m" in drawn["fig7"].caption
 
 
@@ -339,6 +340,12 @@ def test_radio_maps_are_those_of_the_study_and_printed_shares_stand_at_ten_metre
     np.testing.assert_allclose(sorted(dots(axes, "D").tolist()), [[10.0, 87.0], [10.0, 95.0]])
     np.testing.assert_allclose(np.sort(dots(axes, "o")[:, 1]), [80, 81, 86, 91])
     assert f"n = 20 test fingerprints in each of the first {WORLDS} worlds" in drawn["fig8"].caption
+
+
+def test_curves_of_radio_maps_are_told_apart_without_colour(drawn):
+    (axes,) = drawn["fig8"].figure.axes
+    curves = [line for line in axes.get_lines() if len(line.get_xdata()) > 2]
+    assert len({line.get_linestyle() for line in curves}) == len(curves) > 1
 
 
 def test_every_printed_number_stands_beside_its_own(drawn):

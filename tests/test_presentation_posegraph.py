@@ -92,6 +92,7 @@ def test_every_row_that_ran_has_a_panel_with_its_answer(results: StudyResults) -
             item.figure.draw_without_rendering()
     assert "30 poses, 31 motions and 7 pairs" in found["trajectories_blind"].caption
     assert "Nobody knows the true places" in found["trajectories_blind"].caption
+    assert "grey: where the search starts" in found["trajectories_blind"].caption
     assert "Nobody" not in found["trajectories_seen"].caption
 
 

@@ -157,6 +157,8 @@ WIDTH_IN = 7.2
 
 GREY = "#5c6670"
 
+_MARKERS = "osD^v<>PX"
+
 _SETTINGS: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
@@ -232,7 +234,7 @@ def strokes(rows: Iterable[str]) -> dict[str, Stroke]:
             found[name] = Stroke(
                 color,
                 min(("-", "--", "-.", ":"), key=lines.__getitem__),
-                min("osD^v<>PX", key=markers.__getitem__),
+                min(_MARKERS, key=markers.__getitem__),
             )
     return {name: found[name] for name in rows}
 
@@ -251,7 +253,25 @@ def stroke(name: str) -> Stroke:
         return KNOWN[name] if name in KNOWN else chosen[name]
     code = crc32(name.encode())
     color = _hls((code % 360) / 360, 0.34 + 0.02 * (code // 360 % 5), 0.55)
-    return Stroke(color, ("-", "--", "-.")[code // 1800 % 3], "osD^v<>PX"[code // 5400 % 9])
+    return Stroke(color, ("-", "--", "-.")[code // 1800 % 3], _MARKERS[code // 5400 % 9])
+
+
+def markers_apart(rows: Iterable[str]) -> dict[str, str]:
+    """Return a marker a row, unlike all others as far as there are markers, for dots without lines.
+
+    `stroke` gives variants one marker and tells them apart by their lines, which dots do not have; without
+    colour they would be the same.
+
+    Parameters
+    ----------
+    rows
+        Names of rows. The first one with a marker keeps it; later ones take the next that is free.
+    """
+    found: dict[str, str] = {}
+    for row in rows:
+        own, used = stroke(row).marker, set(found.values())
+        found[row] = own if own not in used else next((m for m in _MARKERS if m not in used), own)
+    return found
 
 
 def contrast(first: str, second: str) -> float:

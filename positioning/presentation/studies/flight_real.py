@@ -16,7 +16,7 @@ from positioning.presentation import figures
 from positioning.presentation.families import Study
 from positioning.presentation.figures import Drawn
 from positioning.presentation.studies.sar_flight_world import OUTAGE_COLOR, TRUE_COLOR, logarithmic
-from positioning.presentation.style import stroke
+from positioning.presentation.style import markers_apart, stroke
 from positioning.presentation.tables import metres
 from positioning.presentation.tones import is_control
 
@@ -278,11 +278,12 @@ def _outage(drives: list[Drive]) -> Drawn | None:
         return None
     figure = figures.new_figure(1.0 + len(drives) * (0.2 + 0.16 * len(rows)))
     panels = figure.subplots(1, 3, sharey=True, sharex=True)
+    markers = markers_apart(rows)
     handles, told = {}, []
     for number, (axes, words) in enumerate(zip(panels, ("mean", "largest", "at the end"), strict=True)):
         for place, drive in enumerate(drives):
             for rank, row in enumerate(row for row in rows if row in drive.position_m):
-                error_m, look = drive.error_m(row)[drive.away], stroke(row)
+                error_m, color = drive.error_m(row)[drive.away], stroke(row).color
                 error_m = error_m[np.isfinite(error_m)]
                 if not len(error_m):
                     continue
@@ -291,8 +292,8 @@ def _outage(drives: list[Drive]) -> Drawn | None:
                 (handles[row],) = axes.plot(
                     max(float(levels[number]), LEAST_M),
                     at,
-                    look.marker,
-                    color=look.color,
+                    markers[row],
+                    color=color,
                     markersize=5,
                     linestyle="none",
                 )

@@ -15,7 +15,7 @@ from positioning.evaluation.results import StudyResults
 from positioning.presentation import figures
 from positioning.presentation.families import Study
 from positioning.presentation.figures import Drawn
-from positioning.presentation.style import stroke
+from positioning.presentation.style import markers_apart, stroke
 from positioning.presentation.tables import metres
 
 MEAN, RIGID = "mean_m", "rigid_mean_m"
@@ -29,6 +29,9 @@ MOCAP, CORRIDOR = "mocap_", "corridor_"
 
 TRACKS = ("inertial", "inertial_shoe")
 """Rows whose tracks are drawn: the detector of the paper, and another one."""
+
+FEW_DECADES = 1.5
+"""An axis that spans less has more ticks, decades."""
 
 ALMOST_NONE = 0.2
 """A detector that finds fewer steps a true stride than this finds almost none; assumed."""
@@ -93,13 +96,10 @@ def _steps_found(study: Study) -> str:
     for row in study.results.rows:
         shares = []
         for family in study.families:
-            truth, estimate = study.first_world("truth", family), study.results.estimate(row, family)
-            if "truth.stance_time_s" not in truth or not len(estimate.get("extra_step_time_s", ())):
+            steps = _steps(study, row, family)
+            if steps is None:
                 continue
-            strides = np.count_nonzero(np.isfinite(truth["truth.path_m"][:, 0])) - 1
-            found = np.count_nonzero(np.isfinite(estimate["extra_step_time_s"][0]))
-            if strides < 1:
-                continue
+            found, strides = steps
             shares.append(found / strides)
             if found < ALMOST_NONE * strides:
                 few.append(f"{row} in {family} ({found} of {strides})")
@@ -110,6 +110,16 @@ def _steps_found(study: Study) -> str:
         return ""
     told = f" Steps found for each true stride, median and span over recordings: {'; '.join(middle)}."
     return told + (f" Fewer than {ALMOST_NONE:g}, almost none: {'; '.join(few)}." if few else "")
+
+
+def _steps(study: Study, row: str, family: str) -> tuple[int, int] | None:
+    """Return the steps that a row has found and the true strides; None where either is not known."""
+    truth, estimate = study.first_world("truth", family), study.results.estimate(row, family)
+    if "truth.stance_time_s" not in truth or not len(estimate.get("extra_step_time_s", ())):
+        return None
+    strides = int(np.count_nonzero(np.isfinite(truth["truth.path_m"][:, 0]))) - 1
+    found = int(np.count_nonzero(np.isfinite(estimate["extra_step_time_s"][0])))
+    return None if strides < 1 else (found, strides)
 
 
 def _fingerprints(study: Study) -> Drawn | None:
@@ -144,6 +154,7 @@ def _dots(study: Study, families: Sequence[str], first: str, drawn: Drawn) -> Dr
     legend_lines = -(-len(rows) // 4)
     figure = figures.new_figure(0.9 + 0.31 * len(families) + 0.2 * legend_lines)
     panels = figure.subplots(1, len(metrics), sharey=True, sharex=True, squeeze=False)[0]
+    markers = markers_apart(rows)
     for axes, metric in zip(panels, metrics, strict=True):
         for number, row in enumerate(rows):
             look, shift = stroke(row), 0.6 * ((number + 0.5) / len(rows) - 0.5)
@@ -152,7 +163,7 @@ def _dots(study: Study, families: Sequence[str], first: str, drawn: Drawn) -> Dr
             axes.plot(
                 np.maximum(values_m, least_m),
                 np.asarray(places) + shift,
-                look.marker,
+                markers[row],
                 color=look.color,
                 markersize=4,
                 label=row,
@@ -161,8 +172,9 @@ def _dots(study: Study, families: Sequence[str], first: str, drawn: Drawn) -> Dr
         for place in range(len(families)):
             axes.axhline(place + 0.5, color="#dde1e5", linewidth=0.6, zorder=0)
         axes.set_xscale("log")
-        decades = max(positive_m, default=1.0) / least_m
-        axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if decades > 1e3 else (1.0, 2.0, 5.0)))
+        decades = np.log10(max(positive_m, default=1.0) / least_m)
+        few = (1.0, 2.0, 5.0) if decades > FEW_DECADES else (1.0, 2.0, 3.0, 5.0, 7.0)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if decades > 3 else few))
         axes.xaxis.set_major_formatter("{x:g}")
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_title(first if metric == MEAN else "after rotation and shift")
@@ -205,7 +217,7 @@ def _tracks(study: Study) -> Drawn | None:
         own = []
         for row, found in tracks.items():
             if family in found:
-                look = stroke(row)
+                look, steps = stroke(row), _steps(study, row, family)
                 axes.plot(
                     *found[family].T,
                     look.line,
@@ -215,7 +227,8 @@ def _tracks(study: Study) -> Drawn | None:
                     markersize=2.5,
                     label=row,
                 )
-                own.append(f"{row} {metres(float(study.get(family, row, MEAN).mean()))} m")
+                share = "" if steps is None else f" (steps found {steps[0]}, true strides {steps[1]})"
+                own.append(f"{row} {metres(float(study.get(family, row, MEAN).mean()))} m{share}")
         axes.plot(*path_m[0], "s", color=TRUE_COLOR, markerfacecolor="none", markersize=9, label="start")
         axes.set_aspect("equal", adjustable="datalim")
         axes.set_title(f"{family}\n{words}", fontsize=8.5)

@@ -55,7 +55,7 @@ MAPS = {
     SURVEYED: Map("surveyed every 2 m", "#14507d", "-", "fig8.surveyed"),
     SPARSE: Map("surveyed every 5 m", "#5b8fb8", "--", "fig8.surveyed_sparse"),
     TRUE_POSES: Map("crowdsourced, true poses", "#4d7f58", "-.", ""),
-    ALIGNED: Map("crowdsourced, aligned", "#c8641a", "-", "fig8.crowdsourced"),
+    ALIGNED: Map("crowdsourced, aligned", "#c8641a", ":", "fig8.crowdsourced"),
 }
 
 

@@ -13,12 +13,14 @@ from matplotlib.axes import Axes
 from positioning.evaluation.results import StudyResults
 from positioning.presentation import figures
 from positioning.presentation.figures import Drawn
-from positioning.presentation.style import GREY, stroke
+from positioning.presentation.style import stroke
 from positioning.tasks.pose_graph import fit_to
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 COLUMNS = 3
+START_COLOR = "#b4bcc3"
+"""Pale, for most of it lies below the answer, but to be seen in print."""
 DECADES_BESIDE = 1.6
 """Room to the right of the largest cost, decades, for what is written there."""
 
@@ -51,7 +53,7 @@ def _trajectories(results: StudyResults, family: str) -> Drawn:
             place_m = fit_to(place_m, true_m)
             axes.plot(*true_m[0].T, color="#111111", linewidth=0.8, label="truth", zorder=3)
         elif row != "dead_reckoning":
-            axes.plot(*start_m[0].T, color=GREY, linewidth=0.4, alpha=0.35, label="start", zorder=1)
+            axes.plot(*start_m[0].T, color=START_COLOR, linewidth=0.6, label="start", zorder=1)
             low_m, high_m = place_m[0].min(axis=0), place_m[0].max(axis=0)
             room_m = 0.15 * (high_m - low_m).max()
             axes.set(
@@ -81,7 +83,7 @@ def _trajectories(results: StudyResults, family: str) -> Drawn:
         "Each answer, in colour, is turned and shifted as a whole so that it fits the true places best."
         if known
         else "Nobody knows the true places; the first pose is the same in all panels, and the axes are those"
-        " of the answer, in colour."
+        " of the answer, in colour; grey: where the search starts, cut off where it lies outside."
     )
     frame += _stopped_words(results, {family: list(places)}, "No minimum was reached.")
     words = "with their mean errors after this fit" if known else "without any known truth"

@@ -26,6 +26,7 @@ from positioning.presentation.studies.sar_flight_world import (
     TRUE_COLOR,
     draw_flights,
     logarithmic,
+    three_digits,
 )
 from positioning.presentation.style import GREY, stroke
 from positioning.presentation.tables import central, decimals, metres
@@ -39,6 +40,9 @@ LENGTHS = {
     "outage_wlpf_15": ("wlpf_15", "with fixes, 15 states"),
 }
 """Sweeps over the length of the outage: the row whose look they have, and words."""
+
+DECADES_A_LABEL = 1.5
+"""How far apart two factors on Q must lie for both to have a label, decades."""
 
 NOISE, NOISE_ROW = "noise_gps", "gps_inertial"
 
@@ -246,13 +250,14 @@ def _noise(study: Study) -> Drawn | None:
         else:
             axes.set_ylim(0, 1.1 * max(ends))
         axes.set_xscale("log")
-        axes.set_xticks(sorted(own["value"].unique()))
+        axes.set_xticks(_apart(sorted(own["value"].unique())))
         axes.xaxis.set_minor_locator(NullLocator())
         axes.set_xlabel("factor on Q (1)")
         title, label = metrics[metric]
         axes.set_title(title)
         axes.set_ylabel(label)
-        numbers = ", ".join(f"{m:.3g} at {v:g}" for v, m in curve.mean(axis=1).items())
+        levels = zip(curve.index.to_numpy(dtype=float), curve.mean(axis=1), strict=True)
+        numbers = ", ".join(f"{three_digits(mean)} at {three_digits(value)}" for value, mean in levels)
         told.append(f"{label} {title}: {numbers}")
     if lags := _lags(_curve(own, NOISE, LAG)):
         told.append(lags)
@@ -267,14 +272,23 @@ def _noise(study: Study) -> Drawn | None:
     )
 
 
+def _apart(values: Sequence[float]) -> list[float]:
+    """Return those of rising values whose labels have room on a logarithmic axis, from the greatest down."""
+    kept = list(values[-1:])
+    for value in values[-2::-1]:
+        if kept[-1] >= value * 10**DECADES_A_LABEL:
+            kept.append(value)
+    return kept[::-1]
+
+
 def _lags(curve: pd.DataFrame) -> str:
     """Return in words the mean lag at each value of a sweep, with the interval of the mean."""
     parts = []
-    for value, lag_s in curve.iterrows():
+    for value, (_, lag_s) in zip(curve.index.to_numpy(dtype=float), curve.iterrows(), strict=True):
         kept = lag_s.dropna().to_numpy(dtype=float)
         low, high, _ = mean_interval(kept)
         interval = f" ({low:.3f} to {high:.3f})" if len(kept) > 1 else ""
-        parts.append(f"{kept.mean():.3f} s{interval} at {value:g}".replace("-", "\N{MINUS SIGN}"))
+        parts.append(f"{kept.mean():.3f} s{interval} at {three_digits(value)}".replace("-", "\N{MINUS SIGN}"))
     inside = " (in brackets the 95 % interval of the mean)" if curve.shape[1] > 1 else ""
     return f"lag behind the true course under GPS{inside}: {', '.join(parts)}" if parts else ""
 

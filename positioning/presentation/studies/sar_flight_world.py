@@ -410,7 +410,8 @@ def _over_time(
             time_s, values = _aligned(flight, quantity)
             look, worlds = stroke(row), max(worlds, len(values))
             middle = np.median(values, axis=0)
-            (handles[row],) = axes.plot(time_s, middle, look.line, color=look.color, linewidth=1.7)
+            marks = _marks(row, panel.rows, len(time_s))
+            (handles[row],) = axes.plot(time_s, middle, look.line, color=look.color, linewidth=1.7, **marks)
             if len(values) > 1:
                 # Filled bands of several rows cover each other, and what is below the median worries nobody.
                 high = np.quantile(values, 0.975, axis=0, method="weibull")
@@ -446,6 +447,22 @@ def _over_time(
         f" outage of {lasts_s:g} s is shaded. {drawn.caption} {ends} {ASSUMED} {NO_RESULT}",
         alt=f"{label.removesuffix(' (m)').capitalize()} against time. {ends}",
     )
+
+
+def _marks(row: str, rows: Sequence[str], count: int) -> dict[str, Any]:
+    """Return what puts three markers on the curve of a row, elsewhere on each, for who sees no colours.
+
+    ``rows`` are those of the panel, ``count`` the points of the curve.
+    """
+    between = max(1, count // 3)
+    first = round(between * (rows.index(row) + 0.5) / len(rows))
+    return {"marker": stroke(row).marker, "markevery": (first, between), "markersize": 4.5}
+
+
+def three_digits(value: float) -> str:
+    """Return a number with three digits that count, thousands set apart, no power of ten."""
+    grouped = f"{float(f'{value:.3g}'):,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+    return grouped.replace(",", "\N{NARROW NO-BREAK SPACE}").replace("-", "\N{MINUS SIGN}")
 
 
 def _aligned(flight: Flight, quantity: str) -> tuple[Array, Array]:
@@ -496,13 +513,14 @@ def _consistency(flights: Flights) -> Drawn | None:
             assert flight is not None
             look, worlds = stroke(row), max(worlds, len(flight.nees))
             mean = flight.nees.mean(axis=0)
+            marks = _marks(row, panel.rows, len(mean))
             (handles[row],) = axes.plot(
-                flight.time_s[0], mean, look.line, color=look.color, linewidth=1.1, alpha=0.9
+                flight.time_s[0], mean, look.line, color=look.color, linewidth=1.1, alpha=0.9, **marks
             )
             levels.append(mean[np.isfinite(mean) & (mean > 0)])
             under_gps = study.get(panel.family, row, "gps_nees")
             if len(under_gps):
-                own.append(f"{row} {under_gps.mean():.3g}")
+                own.append(f"{row} {three_digits(float(under_gps.mean()))}")
             lasts_s = float(flight.length_s[0])
         low, high = chi2.ppf([0.025, 0.975], STATES * worlds) / worlds
         axes.axhspan(low, high, color="#7f8c95", alpha=0.35, linewidth=0)
