@@ -135,7 +135,8 @@ def _times(task: Comparison, group: Group) -> Drawn | None:
         key.plot([], [], look.marker, color=look.color, label=_label(group, label))
     if any((~points["competes"] & (points["label"] != "control_oracle")).any() for _, points in panels):
         key.plot([], [], "o", markersize=3.5, markerfacecolor="none", markeredgecolor=GREY, label="variants")
-    key.plot([], [], color=GREY, linewidth=0.9, label="no other is faster and better")
+    if any(len(_unbeaten(points)) > 1 for _, points in panels):
+        key.plot([], [], color=GREY, linewidth=0.9, label="no other is faster and better")
     if any((points["label"] == "control_oracle").any() for _, points in panels):
         key.plot([], [], "--", color="#000000", linewidth=0.9, label="control_oracle, any time")
     figure.legend(loc="outside lower left", ncols=3, handlelength=1.6, columnspacing=1.2)
@@ -210,14 +211,22 @@ def _scatter(axes: Axes, points: pd.DataFrame) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     competing = points[points["competes"]].sort_values(["seconds", "mean_m"])
+    # Variants may be hopeless on purpose; the axes are for those that compete.
+    shown = points[points["competes"] | (points["label"] == "control_oracle")]
     others = points[~points["competes"] & (points["label"] != "control_oracle")]
-    axes.plot(
+    for name, limit in (("seconds", axes.set_xlim), ("mean_m", axes.set_ylim)):
+        values = np.log10(shown[name].to_numpy(dtype=float))
+        pad = 0.12 * max(float(np.ptp(values)), 0.3)
+        low, high = limit(10 ** (values.min() - pad), 10 ** (values.max() + pad))
+        others = others[others[name].between(low, high)]
+    (rings,) = axes.plot(
         others["seconds"], others["mean_m"], "o", markersize=3.5, markerfacecolor="none", markeredgecolor=GREY
     )
+    rings.set_clip_on(False)
+    rings.set_in_layout(False)
     for limit in points.loc[points["label"] == "control_oracle", "mean_m"]:
         axes.axhline(limit, color="#000000", linestyle="--", linewidth=0.9)
-    whole = competing[competing["complete"]]
-    front = whole[whole["mean_m"] <= whole["mean_m"].cummin()]
+    front = _unbeaten(points)
     axes.plot(front["seconds"], front["mean_m"], color=GREY, linewidth=0.9, drawstyle="steps-post", zorder=1)
     for line in tables.records(competing):
         look, new = _look(line["label"]), bool(line.get("new", False))
@@ -231,18 +240,18 @@ def _scatter(axes: Axes, points: pd.DataFrame) -> None:
             markeredgecolor="#111111" if new else look.color,
             zorder=4 if new else 3,
         )
-    # Variants may be hopeless on purpose; the axes are for those that compete.
-    shown = points[points["competes"] | (points["label"] == "control_oracle")]
-    for name, limit in (("seconds", axes.set_xlim), ("mean_m", axes.set_ylim)):
-        values = np.log10(shown[name].to_numpy(dtype=float))
-        pad = 0.12 * max(float(np.ptp(values)), 0.3)
-        limit(10 ** (values.min() - pad), 10 ** (values.max() + pad))
     # Words of a few ticks are much cheaper to set than powers of ten, and easier to read.
     for axis, words, most in ((axes.xaxis, _short_duration, 3), (axes.yaxis, _short_metres, 5)):
         low, high = axis.get_view_interval()
         axis.set_major_locator(FixedLocator(_decades(low, high, most)))
         axis.set_minor_locator(NullLocator())
         axis.set_major_formatter(FuncFormatter(lambda value, _, words=words: words(value)))
+
+
+def _unbeaten(points: pd.DataFrame) -> pd.DataFrame:
+    """Return the whole competing rows that no other one beats in both, the fastest first."""
+    whole = points[points["competes"] & points["complete"]].sort_values(["seconds", "mean_m"])
+    return whole[whole["mean_m"] <= whole["mean_m"].cummin()]
 
 
 def _decades(low: float, high: float, most: int) -> list[float]:
