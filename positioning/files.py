@@ -153,10 +153,11 @@ def read_errors(path: str | Path) -> tuple[dict[str, NDArray[np.generic]], dict[
         if isinstance(error, FileNotFoundError):
             raise
         raise _damaged(path, error) from error
+    # Few families have many samples: each word is made once.
+    family = table["family"].combine_chunks().dictionary_encode()
+    words = np.asarray(family.dictionary.to_pylist(), dtype=np.str_)
     columns = {
-        name: table[name].to_numpy()
-        if name != "family"
-        else np.asarray(table[name].to_pylist(), dtype=np.str_)
+        name: words[family.indices.to_numpy()] if name == "family" else table[name].to_numpy()
         for name in table.column_names
     }
     return columns, json.loads((table.schema.metadata or {}).get(b"skipped", b"{}"))

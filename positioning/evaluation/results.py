@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -85,11 +86,31 @@ class StudyResults:
     paper: dict[str, Any] = field(default_factory=dict)
     estimate_files: tuple[str, ...] = ()
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    _errors: dict[str, tuple[pd.DataFrame, dict[str, pd.DataFrame]]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    """What was read, by row: figures ask once a family, and recordings are many."""
 
     def errors(self, row: str, family: str | None = None) -> pd.DataFrame:
         """Return raw errors of a row: ``family, value, world, sample, error_m`` and components."""
-        frame, _ = read_row_errors([p for p in self.error_files if Path(p).parent.name == row])
-        return frame if family is None else frame[frame["family"] == family]
+        if row not in self._errors:
+            frame, _ = read_row_errors([p for p in self.error_files if Path(p).parent.name == row])
+            self._errors[row] = frame, {str(name): own for name, own in frame.groupby("family", sort=False)}
+        frame, families = self._errors[row]
+        return (frame if family is None else families.get(family, frame.iloc[:0])).copy(deep=False)
+
+    def per_world(self, row: str, family: str, metric: str) -> NDArray[np.float64]:
+        """Return a metric of a row of the table, one value a world, in the order of worlds."""
+        return self._per_world.get((family, row, metric), np.empty(0))
+
+    @cached_property
+    def _per_world(self) -> dict[tuple[str, str, str], NDArray[np.float64]]:
+        own = self.measures[self.measures["value"].isna()].sort_values("world")
+        groups = own.groupby(["family", "algorithm", "metric"], sort=False)["x"]
+        return {
+            (str(family), str(row), str(metric)): x.to_numpy(dtype=float)
+            for (family, row, metric), x in groups
+        }
 
     def estimate(self, row: str, family: str) -> dict[str, NDArray[np.generic]]:
         """Return the estimates of a row in the first batch of worlds, one line a world.

@@ -166,14 +166,7 @@ def measured_rows(results: StudyResults, family: str) -> list[str]:
 
 def per_world(results: StudyResults, family: str, row: str, metric: str = "mean_m") -> np.ndarray[Any, Any]:
     """Return a metric of a row of the table, one value a world, in the order of worlds."""
-    own = results.measures
-    own = own[
-        (own["family"] == family)
-        & (own["algorithm"] == row)
-        & (own["metric"] == metric)
-        & own["value"].isna()
-    ]
-    return own.sort_values("world")["x"].to_numpy(dtype=float)
+    return results.per_world(row, family, metric)
 
 
 def counted(results: StudyResults, family: str) -> str:
