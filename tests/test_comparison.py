@@ -474,7 +474,7 @@ def test_the_page_tells_the_numbers(built, compared):
     assert f"Lowest mean rank over 6 data sets: mine ({group.ranks.mean['mine']:.1f} of 4)" in text
     assert "; wknn is not told apart from it by mean ranks alone." in text
     assert (
-        "next in rank, the error of mine is clearly smaller : larger in 3:0 of 3 data sets over worlds."
+        "next in rank, the error of mine is smaller on 3, larger on 0, open on 0 of 3 data sets over worlds."
         in text
     )
     caption = re.search(r"<caption><span>Over all data sets.*?</caption>", text)[0]

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 
 from positioning.evaluation.claims import VERDICTS
-from positioning.files import write_json
+from positioning.files import read_yaml, write_json
 from positioning.presentation import front, ledger, method, pdf, tables
 from positioning.presentation.claim_lines import SHARES, WIDTH, drawn, figure_of
 from positioning.presentation.tones import GROUPS, TONES
@@ -99,6 +100,28 @@ def test_the_sentence_counts_every_claim_once() -> None:
     assert front.in_short(ledger_of(FOUND).iloc[:0]) == "The papers claim nothing here."
     few = front.in_short(ledger_of({"first": ["depends", "undecided", "undecided"]}))
     assert few == "Of 3 claims, 1 depends on the world and 2 are undecided."
+
+
+def test_main_claims_tell_their_verdict_and_their_numbers() -> None:
+    ledger = ledger_of({"first": ["not reproduced", "depends", "not testable", "holds"]})
+    ledger["printed"], ledger["unit"] = ["2.6", "", "", ""], ["m", "", "", ""]
+    ledger["rebuilt"], ledger["worlds"] = [3.979, 0.275, float("nan"), 1.0], [40, 40, 0, 40]
+    ids = list(ledger["claim"])
+    claims = [{"id": name, "main": True} for name in ids[:3]] + [{"id": ids[3]}]
+    told = front.main_claims(claims, ledger)
+    assert [line["verdict"] for line in told] == ["not reproduced", "depends", "not testable"]
+    assert [line["told"] for line in told] == [
+        "printed 2.6 m, rebuilt 3.98 m",
+        "true in 11 of 40 worlds",
+        "",
+    ]
+
+
+def test_each_paper_names_its_main_claims() -> None:
+    for path in sorted((ROOT / "data/papers").glob("*.yaml")):
+        chosen = [claim for claim in read_yaml(path)["claims"] if claim.get("main")]
+        assert 3 <= len(chosen) <= 6, path.name
+        assert all(claim["kind"] != "words" for claim in chosen), path.name
 
 
 def test_areas_at_a_glance_are_as_the_counts() -> None:

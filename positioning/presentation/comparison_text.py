@@ -79,17 +79,15 @@ def _against_second(group: Group, mean: "pd.Series[float]") -> str:
     first, second = str(mean.index[0]), str(mean.index[1])
     own = group.outcomes[(group.outcomes["label"] == first) & (group.outcomes["against"] == second)]
     found = {line["unit"]: line for line in tables.records(own)}
-    told = [
-        f"{line['better']}:{line['worse']} of {line['n']} data set{'s' * (line['n'] != 1)} over {unit}s"
-        for unit in (WORLD, SAMPLE)
-        if (line := found.get(unit)) is not None
-    ]
-    if not told:
-        return ""
-    return (
-        f"Paired with {second}, next in rank, the error of {first} is clearly smaller : larger in"
-        f" {listed(told)}."
-    )
+    told = []
+    for unit in (WORLD, SAMPLE):
+        if (line := found.get(unit)) is not None:
+            smaller, larger, sets = (int(line[name]) for name in ("better", "worse", "n"))
+            told.append(
+                f"smaller on {smaller}, larger on {larger}, open on {sets - smaller - larger} of {sets}"
+                f" data set{'s' * (sets != 1)} over {unit}s"
+            )
+    return f"Paired with {second}, next in rank, the error of {first} is {'; '.join(told)}." if told else ""
 
 
 def _left_out(group: Group) -> str:

@@ -201,6 +201,38 @@ def best_rows(rows: Sequence[tables.Row], entries: Mapping[str, Mapping[str, Any
     return f"{start} is that of {listed}."
 
 
+def main_claims(claims: Sequence[Mapping[str, Any]], ledger: pd.DataFrame) -> list[dict[str, str]]:
+    """Return what a paper mainly claims of a study, in its own order: the verdict and the claim in words.
+
+    Parameters
+    ----------
+    claims
+        As ``data/papers`` has them; those with ``main: true`` count.
+    ledger
+        Verdicts of the study.
+    """
+    chosen = {str(claim["id"]) for claim in claims if claim.get("main")}
+    lines = []
+    for line in tables.records(ledger):
+        if line["claim"] in chosen:
+            told = told_number(line)
+            lines.append({"verdict": str(line["verdict"]), "what": str(line["what"]), "told": told})
+    return lines
+
+
+def told_number(line: Mapping[str, Any]) -> str:
+    """Return the numbers of a claim in words: printed and rebuilt, or in how many worlds it is true."""
+    rebuilt, worlds = float(line["rebuilt"]), int(line["worlds"])
+    if math.isnan(rebuilt):
+        return ""
+    if line["printed"]:
+        unit = f" {line['unit']}" if line["unit"] else ""
+        return (
+            f"printed {line['printed']}{unit}, rebuilt {tables.decimals(rebuilt, str(line['printed']))}{unit}"
+        )
+    return f"true in {round(rebuilt * worlds)} of {worlds} worlds"
+
+
 def _paper(
     key: str, paper: Mapping[str, Any], summaries: Sequence[Summary], claims: pd.DataFrame
 ) -> dict[str, Any]:
@@ -225,6 +257,7 @@ def _study(summary: Summary, claims: pd.DataFrame) -> dict[str, Any]:
     return {
         "summary": summary,
         "answer": said,
+        "main": main_claims(summary.claims, own),
         "printed": [(row.algorithm, row.cells["mean_m"]) for row in printed],
         "central": tables.central(tables.most_worlds(printed)) if printed else "",
     }

@@ -25,7 +25,7 @@ def main(ledger: str, accepted: Sequence[str], output: str) -> None:
         if gone:
             raise InputError(
                 "the ledger of claims",
-                f"{len(gone)} claim(s) of {path} are gone: {', '.join(gone)}",
+                f"{len(gone)} claim(s) of {path} are gone: {_few(gone)}",
                 "Put them back, or take the new ledger over with `make accept`",
             )
         both = now.merge(before, on=["claim", "paper", "study", "worlds"], suffixes=("", "_accepted"))
@@ -34,13 +34,18 @@ def main(ledger: str, accepted: Sequence[str], output: str) -> None:
             lines = [f"{c.claim}: {c.verdict_accepted} -> {c.verdict}" for c in changed.itertuples()]
             raise InputError(
                 "the ledger of claims",
-                f"{len(changed)} verdict(s) differ from {path}: {'; '.join(lines)}",
+                f"{len(changed)} verdict(s) differ from {path}: {_few(lines)}",
                 "Find out why; where the new verdicts are right, `make accept` takes them over",
             )
         text = f"{len(both)} of {len(now)} verdicts compared with {path}: none changed."
         if len(both) < len(now):
             text += " The others are new, or were judged from another number of worlds."
     write_text(output, text + "\n")
+
+
+def _few(names: list[str], most: int = 10) -> str:
+    """Return the first names of a list; a whole ledger would fill the screen."""
+    return "; ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 if __name__ == "__main__":
