@@ -238,6 +238,8 @@ def built(tmp_path_factory):
     }
     steps |= {"printed": "3.00", "reached": 3.0003, "worlds": 20, "first_seed": 900, "settings_tried": 7}
     write_json(folder / "calibration.json", [steps])
+    known = pd.DataFrame({"task": "fingerprinting", "algorithm": [row for row in rows if row != "knn"]})
+    known.to_csv(folder / "algorithms.csv", index=False)
     write_json(
         folder / "manifest.json",
         {
@@ -279,6 +281,7 @@ def render(build, name, **changes):
     names = ("table", "paired", "times", "claims")
     inputs = {n: str(folder / f"{n}.csv") for n in names} | {"sources": None}
     inputs |= {"figures": str(folder / "figures"), "paper": str(folder / "paper.yaml")}
+    inputs["accepted"] = str(folder / "algorithms.csv")
     inputs |= {n: str(folder / f"{n}.json") for n in ("calibration", "manifest")}
     plan = {**build["plan"], **changes}
     endings = {"html": "html", "markdown": "md", "latex": "tex"}
@@ -378,6 +381,13 @@ def test_best_row_is_no_control_and_no_resubstitution(built):
     assert "Differences to wknn , the reference row, the best row" in told
     assert "Differences to rbf_resubstitution" not in told
     assert "Differences to control_oracle" not in told
+
+
+def test_rows_of_ones_own_are_marked_as_new(built):
+    marked = re.findall(r'<tr class="new"><th scope="row"><code>(\w+)', built[f"{STUDY}.html"])
+    assert marked == ["knn"] * 3, "errors, paired differences, settings"
+    told = Page(built[f"{STUDY}.html"]).text
+    assert "Marked new : knn , not in the project" in told
 
 
 def test_quick_builds_say_so(built):

@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from positioning.evaluation.ranks import difference_ranks, worlds_won
+from positioning.evaluation.shipped import new_rows
 from positioning.evaluation.statistics import CONFIDENCE, Interval, mean_interval, student_t
 
 COLUMNS = [
@@ -226,14 +227,12 @@ def roles(
     accepted
         Task and name of rows that are not new.
     """
-    new = {
-        row: (str(entry.get("task", "fingerprinting")), row) not in accepted for row, entry in entries.items()
-    }
+    new = new_rows(entries, accepted)
     alike: dict[object, list[str]] = {}
     for row, entry in entries.items():
         alike.setdefault(_built_of(row, entry), []).append(row)
     first = {
-        min(rows, key=lambda row: (new[row], entries[row].get("use", row) != row, rows.index(row)))
+        min(rows, key=lambda row: (row in new, entries[row].get("use", row) != row, rows.index(row)))
         for rows in alike.values()
     }
     found = {}
@@ -242,7 +241,7 @@ def roles(
             role = CONTROL
         else:
             role = MAIN if row in first or row == reference else VARIANT
-        found[row] = (role, new[row])
+        found[row] = (role, row in new)
     return found
 
 

@@ -1,7 +1,7 @@
 """Pages for readers: one of each study, and the front page. Each is one file that needs no other."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -89,6 +89,8 @@ class Report:
         Commit, versions and whatever else names the build.
     sources
         The register of data sets; None where the study uses none.
+    new
+        Rows that the project does not ship; they are marked.
     """
 
     study: str
@@ -102,6 +104,7 @@ class Report:
     calibration: Sequence[Mapping[str, Any]] = ()
     manifest: Mapping[str, Any] = field(default_factory=dict)
     sources: pd.DataFrame | None = None
+    new: Collection[str] = ()
 
 
 def read_pictures(folder: str | Path, study: str, only: str = "") -> list[Picture]:
@@ -168,6 +171,7 @@ def study_page(report: Report) -> str:
             scene=scene_line(report.plan.get("scene", "")),
             kinds_of_worlds=world_lines(report.plan, settings, report.calibration),
             entries=row_lines(report.plan["entries"]),
+            new=report.new,
             printed_in_table=any(cell.printed for row in rows for cell in row.cells.values()),
             tasks=list(dict.fromkeys(tables.task(value) for value in report.plan["entries"].values())),
             seconds=_seconds_by_rule(report.manifest),

@@ -103,6 +103,7 @@ rule page:
         ),
         manifest=f"{RESULTS}/manifests/{{study}}.json",
         sources=lambda w: "data/sources.csv" if study_of(w).recordings else [],
+        accepted="data/algorithms.csv",
         templates=TEMPLATES,
         code=code("workflow/scripts/page.py"),
     output:

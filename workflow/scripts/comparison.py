@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 import pyarrow.parquet as pq
 
 from positioning.evaluation.comparison import compare
 from positioning.evaluation.comparison_lines import StudyTables
+from positioning.evaluation.shipped import read_shipped
 from positioning.files import read_json, replacing, write_text
 from positioning.joblog import logging_to
 from positioning.presentation import comparison_figures, figures, tables
@@ -63,8 +63,7 @@ def main(
         read_study(study, values, {name: paths[number] for name, paths in files.items()})
         for number, (study, values) in enumerate(plan.items())
     ]
-    known = pd.read_csv(accepted, dtype=str)
-    compared = compare(studies, zip(known["task"], known["algorithm"], strict=True))
+    compared = compare(studies, read_shipped(accepted))
     folder = Path(output["folder"])
     folder.mkdir(parents=True, exist_ok=True)
     for task in compared:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from positioning.evaluation.shipped import new_rows, read_shipped
 from positioning.files import read_json, read_yaml, write_text
 from positioning.joblog import logging_to
 from positioning.presentation import pages, tables
@@ -18,8 +19,8 @@ def main(
     study
         Its name.
     inputs
-        ``table``, ``paired``, ``times``, ``claims``, ``figures`` (the folder), ``paper``, ``manifest``; and
-        ``calibration`` and ``sources``, or None.
+        ``table``, ``paired``, ``times``, ``claims``, ``figures`` (the folder), ``paper``, ``manifest``,
+        ``accepted`` (rows that are not new); and ``calibration`` and ``sources``, or None.
     plan
         As in `positioning.presentation.pages.Report`.
     output
@@ -42,6 +43,7 @@ def main(
         calibration=read_json(calibration) if calibration else [],
         manifest=read_json(str(inputs["manifest"])),
         sources=tables.read_table(sources) if sources else None,
+        new=new_rows(plan["entries"], read_shipped(str(inputs["accepted"]))),
     )
     write_text(output["html"], pages.study_page(report))
     write_text(output["markdown"], tables.study_markdown(plan["title"], table, claims, paper))
