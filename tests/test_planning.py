@@ -577,6 +577,8 @@ def test_code_finds_imports_inside_functions(tmp_path: Path, monkeypatch: pytest
         "from positioning import \\\n    b\n",
         "x = 1; import positioning.b\n",
         "import numpy, positioning.b\n",
+        '"""What to import\n\nfirst."""\nfrom positioning import b\nx = """\nNo import."""\n',
+        'x = "import \\\n more"\nimport positioning.b  # "quoted"\n',
         '"""Words that import nothing:\n\nimport as you like (or not\n"""\nimport positioning.b\n',
     ],
 )

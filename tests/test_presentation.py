@@ -493,14 +493,17 @@ def test_captions_name_rows_that_ran_in_fewer_worlds(built):
         truth=truth,
         paper=read_yaml(arguments["paper"]),
     )
-    assert figures.fewer_worlds(results, "floor") == {"wknn": 10}
+    assert figures.fewer_worlds(results, "floor") == {"wknn": "the first 10"}
+    shown = (figures.few_worlds(results, ["floor"], rows) for rows in (["wknn", "knn"], ["knn"]))
+    few = "On fewer worlds: wknn in the first 10, bar: central 82 % of single experiments."
+    assert list(shown) == [f" {few}", ""]
+    kept = measures[(measures["algorithm"] != "wknn") | (measures["world"] > 9)]
+    later = dataclasses.replace(results, measures=kept)
+    assert figures.fewer_worlds(later, "floor") == {"wknn": f"{WORLDS - 10} of them"}
     told = {item.name: item for item in figures.draw(results)}
     assert f"in each of {WORLDS} worlds (wknn in the first 10)" in told["fig3"].caption
-    assert (
-        f"{WORLDS} worlds. wknn ran in the first 10 of them, and its bar is the central 82 %"
-        in told["table1"].caption
-    )
-    assert f"{WORLDS} worlds; wknn: the first 10." in told["paired"].caption
+    assert f"{WORLDS} worlds. {few}" in told["table1"].caption
+    assert f"{WORLDS} worlds. On fewer worlds: wknn in the first 10." in told["paired"].caption
     assert f"World 1 of {WORLDS}" in told["world"].caption
     assert "\N{MINUS SIGN}60 dBm" in told["world"].alt
 
@@ -740,3 +743,10 @@ def test_inline_drawing_has_names_of_its_own_and_no_outside_reference():
 @pytest.mark.parametrize(("worlds", "share"), [(1, 0), (4, 60), (38, 95), (39, 95), (1000, 95)])
 def test_few_worlds_promise_less_than_95_percent(worlds, share):
     assert tables.central(worlds) == f"central {share} % of single experiments"
+
+
+def test_rows_on_fewer_worlds_have_a_coverage_of_their_own():
+    worlds = {"a": 40, "b": 20, "c": 38, "d": 20, "single": 1}
+    assert tables.central_of(worlds) == "central 95 % of single experiments (b, d: central 90 %)"
+    assert tables.central_of({"a": 40}) == tables.central(40)
+    assert tables.central_of({}) == tables.central(1)

@@ -382,7 +382,10 @@ def test_labels_of_factors_on_q_have_room():
 
 @pytest.mark.parametrize(
     ("value", "words"),
-    [(41_823.0, "41 800"), (2_160_000, "2 160 000"), (998.7, "999"), (6.789, "6.79"), (0.01, "0.01")],
+    [
+        *((41_823.0, "41 800"), (2_160_000, "2 160 000"), (998.7, "999"), (999.6, "1 000")),
+        *((6.789, "6.79"), (0.01, "0.01"), (1.234e-5, "0.0000123"), (0.0, "0")),
+    ],
 )
 def test_numbers_in_captions_have_three_digits_that_count(value, words):
     assert three_digits(value) == words.replace(" ", "\N{NARROW NO-BREAK SPACE}")

@@ -103,17 +103,18 @@ def test_the_sentence_counts_every_claim_once() -> None:
 
 
 def test_main_claims_tell_their_verdict_and_their_numbers() -> None:
-    ledger = ledger_of({"first": ["not reproduced", "depends", "not testable", "holds"]})
-    ledger["printed"], ledger["unit"] = ["2.6", "", "", ""], ["m", "", "", ""]
-    ledger["rebuilt"], ledger["worlds"] = [3.979, 0.275, float("nan"), 1.0], [40, 40, 0, 40]
+    ledger = ledger_of({"first": ["not reproduced", "depends", "not testable", "none given", "holds"]})
+    ledger["printed"], ledger["unit"] = ["2.6", "", "", "", ""], ["m", "", "", "degrees", ""]
+    ledger["rebuilt"], ledger["worlds"] = [3.979, 0.275, float("nan"), 5.97971, 1.0], [40, 40, 0, 40, 40]
     ids = list(ledger["claim"])
-    claims = [{"id": name, "main": True} for name in ids[:3]] + [{"id": ids[3]}]
+    claims = [{"id": name, "main": True} for name in ids[:4]] + [{"id": ids[4]}]
     told = front.main_claims(claims, ledger)
-    assert [line["verdict"] for line in told] == ["not reproduced", "depends", "not testable"]
+    assert [line["verdict"] for line in told] == ["not reproduced", "depends", "not testable", "none given"]
     assert [line["told"] for line in told] == [
         "printed 2.6 m, rebuilt 3.98 m",
         "true in 11 of 40 worlds",
         "",
+        "rebuilt 5.98 degrees",
     ]
 
 

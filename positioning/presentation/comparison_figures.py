@@ -119,8 +119,9 @@ def _times(task: Comparison, group: Group) -> Drawn | None:
     legend_rows = -(-(len(labels) + 3) // 3)
     figure = figures.new_figure(2.5 * rows + 0.2 * legend_rows + 0.3)
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    with_rings = False
     for axes, (title, points) in zip(grid, panels, strict=False):
-        _scatter(axes, points)
+        with_rings |= _scatter(axes, points)
         axes.set_title(title, fontsize=8)
     for axes in grid[len(panels) :]:
         axes.set_axis_off()
@@ -133,7 +134,7 @@ def _times(task: Comparison, group: Group) -> Drawn | None:
     for label in labels:
         look = _look(label)
         key.plot([], [], look.marker, color=look.color, label=_label(group, label))
-    if any((~points["competes"] & (points["label"] != "control_oracle")).any() for _, points in panels):
+    if with_rings:
         key.plot([], [], "o", markersize=3.5, markerfacecolor="none", markeredgecolor=GREY, label="variants")
     if any(len(_unbeaten(points)) > 1 for _, points in panels):
         key.plot([], [], color=GREY, linewidth=0.9, label="no other is faster and better")
@@ -207,7 +208,8 @@ def _panels(lines: pd.DataFrame, study: str, named: bool) -> list[tuple[str, pd.
     return [(f"{study}, {len(families)} data sets", means.reset_index())]
 
 
-def _scatter(axes: Axes, points: pd.DataFrame) -> None:
+def _scatter(axes: Axes, points: pd.DataFrame) -> bool:
+    """Draw the rows of a panel; return whether rings for variants are among them."""
     axes.set_xscale("log")
     axes.set_yscale("log")
     competing = points[points["competes"]].sort_values(["seconds", "mean_m"])
@@ -246,6 +248,7 @@ def _scatter(axes: Axes, points: pd.DataFrame) -> None:
         axis.set_major_locator(FixedLocator(_decades(low, high, most)))
         axis.set_minor_locator(NullLocator())
         axis.set_major_formatter(FuncFormatter(lambda value, _, words=words: words(value)))
+    return bool(len(others))
 
 
 def _unbeaten(points: pd.DataFrame) -> pd.DataFrame:

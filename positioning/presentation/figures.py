@@ -173,7 +173,7 @@ def counted(results: StudyResults, family: str) -> str:
     """Return in words how many samples and worlds a family has; rows that have others are named."""
     rows = measured_rows(results, family)
     worlds = max(len(per_world(results, family, row)) for row in rows)
-    few = "; ".join(f"{row} in the first {count}" for row, count in fewer_worlds(results, family).items())
+    few = "; ".join(f"{row} in {where}" for row, where in fewer_worlds(results, family).items())
     return (
         sample_counts(results, family, rows)
         + (f" in each of {worlds} worlds" if worlds > 1 else "")
@@ -181,11 +181,44 @@ def counted(results: StudyResults, family: str) -> str:
     )
 
 
-def fewer_worlds(results: StudyResults, family: str) -> dict[str, int]:
-    """Return the rows of a family that ran in fewer worlds than others, with how many: the first ones."""
-    counts = {row: len(per_world(results, family, row)) for row in measured_rows(results, family)}
-    most = max(counts.values(), default=0)
-    return {row: count for row, count in counts.items() if count < most}
+def fewer_worlds(results: StudyResults, family: str) -> dict[str, str]:
+    """Return the rows of a family that have answers in fewer worlds than others, with which, in words."""
+    own = results.measures[(results.measures["family"] == family) & results.measures["value"].isna()]
+    found = {str(row): sorted(set(worlds)) for row, worlds in own.groupby("algorithm")["world"]}
+    found = {row: found[row] for row in results.rows if row in found}
+    every = sorted(set().union(*found.values()))
+    most = max(map(len, found.values()), default=0)
+    return {
+        row: f"the first {len(worlds)}" if worlds == every[: len(worlds)] else f"{len(worlds)} of them"
+        for row, worlds in found.items()
+        if len(worlds) < most
+    }
+
+
+def few_worlds(
+    results: StudyResults, families: Iterable[str], rows: Iterable[str], *, bars: bool = True
+) -> str:
+    """Return the sentence that names rows with fewer worlds than others, empty where all have the same.
+
+    Parameters
+    ----------
+    results
+        What the workflow made of the study.
+    families, rows
+        What a figure shows.
+    bars
+        Whether it shows where single experiments lie, which takes many worlds for 95 %.
+    """
+    shown = set(rows)
+    told: dict[str, list[str]] = {}
+    for family in families:
+        for row, where in fewer_worlds(results, family).items():
+            count = len(per_world(results, family, row))
+            words = where + (f", bar: {central(count)}" if bars and count > 1 else "")
+            if row in shown and row not in told.setdefault(words, []):
+                told[words].append(row)
+    kept = [f"{', '.join(names)} in {words}" for words, names in told.items() if names]
+    return f" On fewer worlds: {'; '.join(kept)}." if kept else ""
 
 
 def sample_counts(results: StudyResults, family: str, rows: Sequence[str]) -> str:

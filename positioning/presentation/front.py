@@ -230,6 +230,9 @@ def told_number(line: Mapping[str, Any]) -> str:
         return (
             f"printed {line['printed']}{unit}, rebuilt {tables.decimals(rebuilt, str(line['printed']))}{unit}"
         )
+    if line["verdict"] == "none given":
+        unit = f" {line['unit']}" if line["unit"] else ""
+        return f"rebuilt {tables.decimals(rebuilt, least=0 if line['unit'] in tables.COUNTS else 2)}{unit}"
     return f"true in {round(rebuilt * worlds)} of {worlds} worlds"
 
 
@@ -259,5 +262,5 @@ def _study(summary: Summary, claims: pd.DataFrame) -> dict[str, Any]:
         "answer": said,
         "main": main_claims(summary.claims, own),
         "printed": [(row.algorithm, row.cells["mean_m"]) for row in printed],
-        "central": tables.central(tables.most_worlds(printed)) if printed else "",
+        "central": tables.central_of(tables.worlds_by_row(printed)) if printed else "",
     }

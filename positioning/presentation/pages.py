@@ -270,7 +270,7 @@ def _task_table(task: str, rows: Sequence[Row]) -> dict[str, Any]:
         "spread": any(row.sd_worlds != tables.NOTHING for row in rows),
         "differ": len({row.samples for row in rows if row.cells}) > 1,
         "size": tables.size_of(rows),
-        "central": tables.central(tables.most_worlds(rows)),
+        "central": tables.central_of(tables.worlds_by_row(rows)),
     }
 
 

@@ -225,7 +225,7 @@ def _caption(family: str, task: str, ran: Sequence[tables.Row], lines: Sequence[
         letters = ", ".join(f"{tables.MARKS.get(verdict, '?')} {verdict}" for verdict in sorted(found))
         told += f" Under a rebuilt number: what the paper prints; {letters}."
     if any(row.cells["mean_m"].span for row in ran):
-        told += f" Interval: {tables.central(tables.most_worlds(ran))}."
+        told += f" Interval: {tables.central_of(tables.worlds_by_row(ran))}."
     skipped: dict[str, list[str]] = {}
     for row in lines:
         if not row.cells:

@@ -272,18 +272,38 @@ def _end(value: float, printed: str, least: int, most: int) -> str:
     return shown if too_many <= 0 else f"{value:.{max(0, after - too_many)}f}".replace("-", "\N{MINUS SIGN}")
 
 
+_SINGLE = " of single experiments"
+
+
 def central(worlds: int) -> str:
     """Return in words what an interval of single experiments covers with that many worlds.
 
     Few worlds cannot promise 95 %; saying so would be untrue.
     """
     coverage = single_experiment_interval(np.zeros(max(worlds, 1))).coverage
-    return f"central {100 * coverage:.0f} % of single experiments"
+    return f"central {100 * coverage:.0f} %{_SINGLE}"
 
 
-def most_worlds(rows: Iterable[Row]) -> int:
-    """Return the number of worlds behind rows."""
-    return max((row.worlds for row in rows), default=0)
+def central_of(worlds: Mapping[str, int]) -> str:
+    """Return in words what intervals cover, by name of what they are of, where some have fewer worlds.
+
+    Parameters
+    ----------
+    worlds
+        Number of worlds by name; one world has no interval and is left out.
+    """
+    most = central(max(worlds.values(), default=0))
+    others: dict[str, list[str]] = {}
+    for name, count in worlds.items():
+        if count > 1 and (own := central(count)) != most:
+            others.setdefault(own, []).append(name)
+    told = [f"{', '.join(names)}: {own.removesuffix(_SINGLE)}" for own, names in others.items()]
+    return most + (f" ({'; '.join(told)})" if told else "")
+
+
+def worlds_by_row(rows: Iterable[Row]) -> dict[str, int]:
+    """Return the number of worlds behind each row that ran."""
+    return {row.algorithm: row.worlds for row in rows if row.cells}
 
 
 def study_markdown(title: str, table: pd.DataFrame, claims: pd.DataFrame, paper: Mapping[str, Any]) -> str:
@@ -302,7 +322,7 @@ def study_markdown(title: str, table: pd.DataFrame, claims: pd.DataFrame, paper:
         own = [row for row in rows if row.family == family]
         parts += [f"## {plain(family)}", ""]
         parts.append(
-            f"Errors in metres: mean over worlds ({central(most_worlds(own))}), then the printed number"
+            f"Errors in metres: mean over worlds ({central_of(worlds_by_row(own))}), then the printed number"
             f" and the verdict. {size_of(own)}"
         )
         parts.append("")
@@ -436,13 +456,14 @@ def study_latex(
         letters = sorted({cell.verdict for row in own for cell in row.cells.values() if cell.verdict})
         marks = ", ".join(f"$^{{{MARKS.get(verdict, '?')}}}$~{verdict}" for verdict in letters)
         caption = f"{latex(title)} ({latex(family)}): position errors in metres. {latex(size_of(own))}"
-        worlds = most_worlds(own)
-        caption += f" Last column: {latex(central(worlds))}, of the mean." if worlds > 1 else ""
+        counts = worlds_by_row(own)
+        several = max(counts.values(), default=0) > 1
+        caption += f" Last column: of the mean, {latex(central_of(counts))}." if several else ""
         caption += (
             " Printed numbers stand below the rebuilt means over worlds, in parentheses;" if printed else ""
         )
         caption += f" {marks}." if printed else ""
-        last = [[], ["interval"]][worlds > 1]
+        last = [[], ["interval"]][several]
         parts += [
             "\\begin{table}",
             "\\centering\\footnotesize\\setlength{\\tabcolsep}{3pt}",

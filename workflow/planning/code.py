@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 LOCAL = ("algorithms", "positioning")
 _IMPORT = re.compile(r"\bimport\b")
+_QUOTES = ('"""', "'''")
 
 
 def code_of(*sources: str) -> list[str]:
@@ -56,13 +57,16 @@ def _import_lines(source: str) -> ast.Module:
     """Return the import statements of a file, in a twentieth of the time that parsing all of it takes.
 
     Statements are sought that have the word in their first line and stand by themselves, which lines of
-    texts may do, too. A file that has the word in another way, after ``else:`` say, is parsed as a whole.
+    texts may do, too. A file that has the word in another way, after ``else:`` say, is parsed as a whole,
+    and so is one in which a text or a line that goes on begins or ends beside it: without the rest it would
+    swallow statements.
     """
     lines = Path(source).read_text(encoding="utf-8").splitlines()
     found = []
     for place, line in enumerate(lines):
         if _IMPORT.search(line):
-            if place and lines[place - 1].endswith("\\"):
+            goes_on = any(part.endswith("\\") for part in lines[max(0, place - 1) : place + 1])
+            if goes_on or any(quotes in line for quotes in _QUOTES):
                 return _parsed(source)
             end = place
             while "(" in line and ")" not in lines[end] and end + 1 < len(lines):

@@ -192,7 +192,7 @@ def _table(results: StudyResults, family: str, rows: list[str]) -> Drawn:
         title="Printed means beside rebuilt ones",
         caption=f"Dot: mean error over worlds; bar: {central(_worlds(results, family))}; hollow diamond:"
         f" the mean printed in Table 1, where there is one. {_sized(results, family)},"
-        f" {_worlds(results, family)} worlds.{_few(results, family)}",
+        f" {_worlds(results, family)} worlds.{figures.few_worlds(results, [family], rows)}",
         alt=figures.means_alt(results, family, rows),
     )
 
@@ -206,9 +206,8 @@ def _paired(results: StudyResults, family: str, reference: str) -> Drawn:
         figure=figure,
         title=f"Paired differences to {reference}",
         caption=f"Mean error minus that of {reference} on the same {_of(frame)}, with the 95 % interval"
-        f" of the mean difference. {_sized(results, family)}, {_worlds(results, family)} worlds"
-        + "".join(f"; {row}: the first {n}" for row, n in figures.fewer_worlds(results, family).items())
-        + ".",
+        f" of the mean difference. {_sized(results, family)}, {_worlds(results, family)} worlds."
+        + figures.few_worlds(results, [family], [reference, *frame["algorithm"]], bars=False),
         alt=f"Paired differences to {reference}: "
         + ", ".join(
             f"{r['algorithm']} {r['difference_m']:+.2f} m".replace(" -", " \N{MINUS SIGN}")
@@ -224,14 +223,6 @@ def _of(frame: pd.DataFrame) -> str:
 
 def _worlds(results: StudyResults, family: str) -> int:
     return max(len(figures.per_world(results, family, row)) for row in figures.measured_rows(results, family))
-
-
-def _few(results: StudyResults, family: str) -> str:
-    """Return in words what differs of rows that ran in fewer worlds, empty where none has."""
-    return "".join(
-        f" {row} ran in the first {worlds} of them, and its bar is the {central(worlds)}."
-        for row, worlds in figures.fewer_worlds(results, family).items()
-    )
 
 
 def _sized(results: StudyResults, family: str) -> str:

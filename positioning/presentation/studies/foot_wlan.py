@@ -158,7 +158,8 @@ def _means(study: Study) -> Drawn | None:
         figure=figure,
         title="Mean error of all rows",
         caption=f"Mean error at the passages of marks, {counted(study)}: mean over worlds"
-        f"{bars(study)}; hollow diamond: printed. Start, variances and thresholds are assumed. {CALIBRATED}",
+        f"{bars(study)}; hollow diamond: printed.{figures.few_worlds(study.results, [family], rows)} Start,"
+        f" variances and thresholds are assumed. {CALIBRATED}",
         alt=figures.means_alt(study.results, family, rows),
     )
 
@@ -303,7 +304,9 @@ def _cascade(study: Study) -> Drawn | None:
         name="cascade",
         figure=figure,
         title=f"Paired differences to {FUSED}",
-        caption=f"Mean error minus that of {FUSED} {pairs}. {counted(study)}. Rows joint have one filter"
+        caption=f"Mean error minus that of {FUSED} {pairs}. {counted(study)}."
+        + figures.few_worlds(study.results, [family], [FUSED, *frame["algorithm"]], bars=False)
+        + " Rows joint have one filter"
         " for readings and fixes, particle a particle filter above, cascaded_15 an inertial filter with"
         " biases, rows with shoe another detector of rest. Weights are assumed; those of the joint filter"
         " are its own.",

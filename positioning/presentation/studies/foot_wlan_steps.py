@@ -174,10 +174,11 @@ def detectors(study: Study) -> Drawn | None:
         figure=figure,
         title="Steps that the detectors of rest find",
         caption=f"Steps found for each true stride of the instrumented foot, {counted}, family {family}; mean"
-        f" and span over worlds: {told}."
+        f" and span over worlds: {told}.{figures.few_worlds(study.results, [family], found, bars=False)}"
         + (f" The same steps, for they have the same detector: {twins}." if twins else "")
         + " The gait is assumed and more even than that of people; thresholds and windows are assumed.",
-        alt=f"Steps for each true stride over {worlds} {'worlds' if worlds > 1 else 'world'}: {told}.",
+        alt=f"Steps for each true stride over {worlds} {'worlds' if worlds > 1 else 'world'}: {told}."
+        + figures.few_worlds(study.results, [family], found, bars=False),
     )
 
 

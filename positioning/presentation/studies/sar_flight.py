@@ -29,7 +29,7 @@ from positioning.presentation.studies.sar_flight_world import (
     three_digits,
 )
 from positioning.presentation.style import GREY, stroke
-from positioning.presentation.tables import central, decimals, metres
+from positioning.presentation.tables import central, central_of, decimals, metres
 
 LEVELS = {"outage_mean_m": "mean", "outage_max_m": "largest", "outage_final_m": "at the end"}
 
@@ -128,7 +128,8 @@ def _table(study: Study) -> Drawn | None:
         title="Errors in the outage",
         caption="Mean, largest and last horizontal error in the outage of GPS, mean over"
         f" {_number(worlds)} of each family{f'; bars: {central(worlds)}' if worlds > 1 else ''}."
-        f" {_epochs(study)} The dashed line is the limit of {LIMIT_M} m that the abstract has for landing."
+        f"{figures.few_worlds(study.results, study.families, rows)} {_epochs(study)} The"
+        f" dashed line is the limit of {LIMIT_M} m that the abstract has for landing."
         f" A row runs in the families that its line names. In numbers, mean / largest / last in m:"
         f" {_told(study, rows, 'outage_mean_m', lambda f, r: ' / '.join(_levels(study, f, r)))}"
         f" {ASSUMED} {NO_RESULT}",
@@ -216,7 +217,7 @@ def _outage_length(study: Study) -> Drawn | None:
         figure=figure,
         title="Errors and the length of the outage",
         caption=f"Mean and largest horizontal error in an outage from the same begin, mean over worlds of"
-        f" family {family}{_bars(worlds.values())}. {_counted(worlds)} {ASSUMED} {NO_RESULT}",
+        f" family {family}{_bars(worlds)}. {_counted(worlds)} {ASSUMED} {NO_RESULT}",
         alt=f"Errors against the length of the outage. Largest error, {'; '.join(told)}.",
     )
 
@@ -266,7 +267,7 @@ def _noise(study: Study) -> Drawn | None:
         figure=figure,
         title="The process noise Q",
         caption=f"{NOISE_ROW} with Q as a data sheet has it (1) times a factor, mean over worlds of family"
-        f" {family}{_bars(worlds.values())}. {_counted(worlds)} Section 3 raises Q until the filter is"
+        f" {family}{_bars(worlds)}. {_counted(worlds)} Section 3 raises Q until the filter is"
         f" stable. {'; '.join(told)}. {ASSUMED} {NO_RESULT}",
         alt=f"{len(present)} panels against the factor on Q. {'; '.join(told)}.",
     )
@@ -527,9 +528,9 @@ def _epochs(study: Study) -> str:
     return f"n = {decimals(float(np.concatenate(counts).max()), least=0)} epochs a flight." if counts else ""
 
 
-def _bars(worlds: Any) -> str:
-    most = max(worlds, default=1)
-    return f"; bars: {central(most)}" if most > 1 else ""
+def _bars(worlds: Mapping[str, int]) -> str:
+    """Return in words what bars show of curves with so many worlds."""
+    return f"; bars: {central_of(worlds)}" if max(worlds.values(), default=1) > 1 else ""
 
 
 def _counted(worlds: Mapping[str, int]) -> str:

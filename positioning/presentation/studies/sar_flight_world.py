@@ -22,7 +22,7 @@ from positioning.presentation import figures
 from positioning.presentation.families import Study
 from positioning.presentation.figures import Drawn
 from positioning.presentation.style import GREY, stroke
-from positioning.presentation.tables import central, metres
+from positioning.presentation.tables import central_of, metres
 
 MAPS = ("slam", "slam_15")
 """Rows whose maps are drawn; the plan shows the first of them that ran."""
@@ -400,7 +400,8 @@ def _over_time(
     lines = -(-(len(rows) + limit) // 4)
     figure = figures.new_figure(3.2 + 0.2 * lines)
     shown = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
-    told, handles, lows, highs, worlds, lasts_s = [], {}, [], [], 1, 0.0
+    told, handles, lows, highs, lasts_s = [], {}, [], [], 0.0
+    worlds: dict[str, int] = {}
     for axes, panel in zip(shown, panels, strict=True):
         own = []
         for row in panel.rows:
@@ -408,7 +409,9 @@ def _over_time(
             assert flight is not None
             lasts_s = float(flight.length_s[0])
             time_s, values = _aligned(flight, quantity)
-            look, worlds = stroke(row), max(worlds, len(values))
+            look = stroke(row)
+            # Rows ask for worlds, whatever the family.
+            worlds[row] = max(worlds.get(row, 0), len(values))
             middle = np.median(values, axis=0)
             marks = _marks(row, panel.rows, len(time_s))
             (handles[row],) = axes.plot(time_s, middle, look.line, color=look.color, linewidth=1.7, **marks)
@@ -436,8 +439,10 @@ def _over_time(
     shown[0].set_ylabel(label)
     words = {row: row for row in handles} | {"limit": f"limit {LIMIT_M} m"}
     figure.legend(handles.values(), [words[k] for k in handles], loc="outside upper left", ncols=4)
-    number = f"n = {worlds} worlds" if worlds > 1 else "n = 1 world"
-    band = f"; thin lines: upper end of the {central(worlds)}, time by time" if worlds > 1 else ""
+    most = max(worlds.values())
+    few = ", ".join(f"{row}: {count}" for row, count in worlds.items() if count < most)
+    number = (f"n = {most} worlds" if most > 1 else "n = 1 world") + (f" ({few})" if few else "")
+    band = f"; thin lines: upper end of the {central_of(worlds)}, time by time" if most > 1 else ""
     ends = f"At the end of the outage, median over worlds: {'; '.join(told)}."
     return Drawn(
         name=drawn.name,
@@ -461,7 +466,13 @@ def _marks(row: str, rows: Sequence[str], count: int) -> dict[str, Any]:
 
 def three_digits(value: float) -> str:
     """Return a number with three digits that count, thousands set apart, no power of ten."""
-    grouped = f"{float(f'{value:.3g}'):,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+    rounded = float(f"{value:.3g}")
+    if abs(rounded) >= 1000:
+        grouped = f"{rounded:,.0f}"
+    elif 0 < abs(rounded) < 1e-4:
+        grouped = np.format_float_positional(rounded, trim="-")
+    else:
+        grouped = f"{rounded:.3g}"
     return grouped.replace(",", "\N{NARROW NO-BREAK SPACE}").replace("-", "\N{MINUS SIGN}")
 
 
