@@ -15,11 +15,18 @@ import pandas as pd
 from positioning.evaluation.comparison_lines import (
     COLUMNS,
     CONTROL,
-    LEAST_COVERAGE,
     StudyTables,
     study_lines,
 )
-from positioning.evaluation.ranks import Block, DataSet, Ranks, complete_block, difference_ranks, mean_ranks
+from positioning.evaluation.ranks import (
+    LEAST_COVERAGE,
+    Block,
+    DataSet,
+    Ranks,
+    complete_block,
+    difference_ranks,
+    mean_ranks,
+)
 
 WORLD, SAMPLE = "world", "sample"
 """What a paired difference is over."""

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from positioning.evaluation.ranks import difference_ranks, worlds_won
+from positioning.evaluation.ranks import LEAST_COVERAGE, LEAST_SAMPLES, difference_ranks, worlds_won
 from positioning.evaluation.shipped import new_rows
 from positioning.evaluation.statistics import CONFIDENCE, Interval, mean_interval, student_t
 
@@ -46,9 +46,6 @@ COLUMNS += ["rank", "beaten_share", "worlds_won_share", "over_best", "seconds", 
 
 MAIN, VARIANT, CONTROL = "main", "variant", "control"
 """What a row is to a comparison: a competitor, one with other settings, or a limit."""
-
-LEAST_COVERAGE, LEAST_SAMPLES = 0.98, 2
-"""Rows that answer a smaller share of a data set's samples, and data sets of fewer, are in no mean rank."""
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,9 @@ from positioning.evaluation.statistics import CONFIDENCE
 LEAST_ALGORITHMS, LEAST_DATA_SETS = 3, 5
 """Smaller comparisons have no critical difference worth drawing."""
 
+LEAST_COVERAGE, LEAST_SAMPLES = 0.98, 2
+"""Rows that answer a smaller share of a data set's samples, and data sets of fewer, are in no mean rank."""
+
 TIE = 1e-4
 """Mean errors that are closer than this share of the larger one are equal, here and in all counts."""
 

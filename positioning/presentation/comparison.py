@@ -9,8 +9,8 @@ import pandas as pd
 from markupsafe import Markup
 
 from positioning.evaluation.comparison import SAMPLE, WORLD, Comparison, Group
-from positioning.evaluation.comparison_lines import CONTROL, LEAST_COVERAGE, MAIN, VARIANT
-from positioning.evaluation.ranks import LEAST_ALGORITHMS, LEAST_DATA_SETS
+from positioning.evaluation.comparison_lines import CONTROL, MAIN, VARIANT
+from positioning.evaluation.ranks import LEAST_ALGORITHMS, LEAST_COVERAGE, LEAST_DATA_SETS
 from positioning.files import read_json
 from positioning.presentation import tables
 from positioning.presentation.comparison_figures import figure_name

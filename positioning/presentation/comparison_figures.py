@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from positioning.evaluation.comparison import Comparison, Group
-from positioning.evaluation.comparison_lines import CONTROL, LEAST_COVERAGE
+from positioning.evaluation.comparison_lines import CONTROL
+from positioning.evaluation.ranks import LEAST_COVERAGE
 from positioning.presentation import figures, tables
 from positioning.presentation.comparison_text import (
     answered,

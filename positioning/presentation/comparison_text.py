@@ -6,8 +6,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from positioning.evaluation.comparison import ABSENT, ONE_SAMPLE, REFUSED, SAMPLE, WORLD, Group
-from positioning.evaluation.comparison_lines import LEAST_COVERAGE
-from positioning.evaluation.ranks import LEAST_ALGORITHMS, Ranks
+from positioning.evaluation.ranks import LEAST_ALGORITHMS, LEAST_COVERAGE, Ranks
 from positioning.presentation import tables
 
 TOO_NARROW = (

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from positioning.evaluation.comparison_lines import LEAST_COVERAGE
+from positioning.evaluation.ranks import LEAST_COVERAGE
 from positioning.presentation import tables
 from positioning.presentation.environment import environment
 from positioning.presentation.pages import WORLDS_NEEDED, Picture, build_lines

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from positioning.evaluation.claims import VERDICTS
-from positioning.evaluation.comparison_lines import LEAST_COVERAGE
+from positioning.evaluation.ranks import LEAST_COVERAGE
 from positioning.evaluation.statistics import single_experiment_interval
 from positioning.presentation.tones import is_control
 
