@@ -45,6 +45,12 @@ def test_a_wide_interval_says_so_and_changes_no_verdict() -> None:
 FORTY = np.linspace(2.0, 4.0, 41)
 
 
+def test_a_share_of_worlds_has_not_the_unit_of_its_limit() -> None:
+    row = verdict({"kind": "bound", "at_most": "3.0", "quantity": A}, measures(a=FORTY))
+    assert (row["unit"], row["rebuilt"]) == ("", pytest.approx(22 / 41))
+    assert verdict({"kind": "value", "printed": "3.00", "quantity": A}, measures(a=FORTY))["unit"] == "m"
+
+
 @pytest.mark.parametrize(
     ("printed", "expected"),
     [("3.00", "reproduced"), ("2.1", "reproduced"), ("4.20", "not reproduced"), ("1.50", "not reproduced")],

@@ -405,7 +405,10 @@ def test_a_study_without_errors_is_told_and_compared_with_nothing(tmp_path):
 
 @pytest.mark.parametrize(
     ("low", "high", "most", "ticks"),
-    [(0.5, 2000, 3, [1, 100]), (0.9, 12, 5, [1, 10]), (2.1, 7, 5, [3, 4, 5, 6, 7]), (2.31, 2.34, 5, [2.32])],
+    [
+        *((0.5, 2000, 3, [1, 100]), (0.9, 12, 5, [1, 10]), (2.1, 7, 5, [3, 4, 5, 6, 7])),
+        *((2.31, 2.34, 5, [2.31, 2.32, 2.33, 2.34]), (1.6, 1.95, 5, [1.6, 1.7, 1.8, 1.9])),
+    ],
 )
 def test_axes_have_few_round_numbers(low, high, most, ticks):
     assert _decades(low, high, most) == pytest.approx(ticks)
@@ -518,6 +521,25 @@ def test_equal_inputs_give_equal_bytes(compared, built, tmp_path):
     names = sorted(path.name for path in folder.iterdir())
     assert names == sorted(path.name for path in tmp_path.iterdir())
     assert all((folder / name).read_bytes() == (tmp_path / name).read_bytes() for name in names)
+
+
+def test_variants_ahead_of_all_ranked_rows_are_told():
+    group = c.compare([study()], ACCEPTED)[0].groups[0]
+    assert group.better_variants == {"wknn_wide": 3}
+    assert "than every ranked row on 3 of 3 data sets: wknn_wide on 3." in answer(group)
+    learned = study()
+    learned.entries["wknn_wide"] = {**ENTRIES["wknn_wide"], "options": {"protocol": "resubstitution"}}
+    assert c.compare([learned], ACCEPTED)[0].groups[0].better_variants == {}
+
+
+def test_run_times_are_of_the_data_sets_of_the_ranks():
+    families = ("a", "b", "c", "d", "e")
+    own = study(families=families)
+    alone = study(name="halls", families=("x",), rows=("wknn", "knn", "control_centre"))
+    slow = StudyTables(**{**vars(alone), "times": alone.times.assign(seconds=100.0)})
+    group = c.compare([own, slow], ACCEPTED)[0].groups[0]
+    assert [study for study, _ in group.ranks.rank.index] == ["rooms"] * 5
+    assert group.summary.set_index("label").loc["wknn", "seconds"] == pytest.approx(0.02)
 
 
 def test_too_few_data_sets_have_no_rank_drawing():

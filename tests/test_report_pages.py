@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -13,10 +14,10 @@ from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 
-from positioning.evaluation.claims import VERDICTS
+from positioning.evaluation.claims import CONDITIONS, VERDICTS
 from positioning.files import read_yaml, write_json
-from positioning.presentation import front, ledger, method, pdf, tables
-from positioning.presentation.claim_lines import SHARES, WIDTH, drawn, figure_of
+from positioning.presentation import front, ledger, method, pages, pdf, tables
+from positioning.presentation.claim_lines import WIDTH, drawn, figure_of
 from positioning.presentation.tones import GROUPS, TONES
 
 PAPERS = {
@@ -156,6 +157,41 @@ def test_the_best_row_is_named_by_recording_and_is_no_control() -> None:
         front.best_rows(rows, entries, "wknn") == "The smallest mean error is that of svm on 2 and wknn on 1."
     )
     assert front.best_rows(rows[::3], entries, "wknn") == "The smallest mean error is that of wknn."
+    guess = [
+        tables.Row("control_centre", f"place {number}", 1, 9, {"mean_m": tables.Cell(mean)})
+        for number, mean in enumerate((0.5, 1.0, 9.0))
+    ]
+    entries["control_centre"] = {"use": "control_centre", "options": {}}
+    assert front.best_rows([*rows, *guess], entries, "wknn").endswith(
+        "svm on 2 and wknn on 1. On 2 no row beats control_centre, which hears nothing."
+    )
+
+
+def test_the_best_rows_of_each_task_are_told_apart() -> None:
+    found = [("fix", "trilateration", 2.0), ("filter", "tracking", 3.0), ("still", "tracking", 1.0)]
+    rows = [tables.Row(row, "walk", 1, 9, {"mean_m": tables.Cell(mean)}) for row, _, mean in found]
+    entries = {row: {"use": row, "task": task, "options": {}} for row, task, _ in found}
+    assert front.best_rows(rows, entries, "filter") == (
+        "Tracking: the smallest mean error is that of still. Trilateration: the smallest mean error is that"
+        " of fix."
+    )
+
+
+def test_simulated_recordings_are_not_called_real() -> None:
+    plan: dict[str, Any] = {"recordings": {"intel": {}, "m3500_simulated": {}}, "families": {}}
+    assert pages.worlds_in_words(plan) == "on 2 recordings, 1 of them simulated"
+    plan["recordings"].pop("m3500_simulated")
+    assert pages.worlds_in_words(plan) == "on 1 real recording"
+
+
+def test_rows_that_answer_easy_samples_alone_are_not_the_best() -> None:
+    means = {"wknn": (1.0, 2.0, 3.0), "svm": (2.0, 1.0, 2.0), "control_oracle": (0.1, 0.1, 0.1)}
+    rows = [
+        tables.Row(row, f"place {number}", 1, 9, {"mean_m": tables.Cell(mean)})
+        for row, found in means.items()
+        for number, mean in enumerate(found)
+    ]
+    entries = {row: {"use": row, "options": {}} for row in means}
     few = [
         replace(row, samples=5) if (row.algorithm, row.family) == ("svm", "place 1") else row for row in rows
     ]
@@ -208,7 +244,7 @@ def test_drawings_are_to_scale(values: list[float], kind: str) -> None:
     assert found.keys() == {"rebuilt", "low", "high", "printed"}
 
 
-@pytest.mark.parametrize("kind", SHARES)
+@pytest.mark.parametrize("kind", CONDITIONS)
 def test_shares_stand_on_a_scale_of_their_own_without_what_is_printed(kind: str) -> None:
     found = places(drawn({"rebuilt": 0.5, "low": 0.25, "high": 0.75, "printed": "7"}, kind))
     assert found == {"rebuilt": 65.0, "low": 36.0, "high": 94.0}

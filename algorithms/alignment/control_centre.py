@@ -7,7 +7,7 @@ from positioning.walks import check_walks
 
 
 class ControlCentre:
-    """Every pose at one place: no row should be worse.
+    """Every pose at one place: a row that is worse is no help.
 
     See Gu et al., Figure 7, to which this row is added. After the tie of the frame this place is the mean of
     all true ones.

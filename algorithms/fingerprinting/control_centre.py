@@ -10,7 +10,7 @@ from positioning.model import Array, Site
 
 
 class ControlCentre(FingerprintRegressor):
-    """The centre of the site, whatever was heard: no row should be worse.
+    """The centre of the site, whatever was heard: a row that is worse is no help.
 
     See Mirzababaei & Akbari, Table 1, to which this row is added.
 

@@ -61,6 +61,9 @@ VERDICTS = (
     "not testable",
     "undecided",
 )
+CONDITIONS = ("ordering", "smallest", "ratio", "bound")
+"""Kinds of claims that worlds meet or do not: what is rebuilt is the share of them."""
+
 WIDE = 2.0
 """An interval as wide as so many times the printed number tests it weakly."""
 
@@ -110,7 +113,8 @@ def judge(
                 "study": study,
                 "where": claim["where"],
                 "what": claim["what"],
-                "unit": claim.get("unit", ""),
+                # A condition has a share of worlds, whatever its limit is measured in.
+                "unit": "" if claim["kind"] in CONDITIONS else claim.get("unit", ""),
                 "printed": claim.get("printed", ""),
                 **_judge_one(claim, claims, measures, family, because),
             }

@@ -5,6 +5,7 @@ inside a data set and only then joined, because errors of different places do no
 set, rows are compared at the samples that both have: one that refuses hard samples gains nothing by it.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,6 +16,7 @@ import pandas as pd
 from positioning.evaluation.comparison_lines import (
     COLUMNS,
     CONTROL,
+    VARIANT,
     StudyTables,
     study_lines,
 )
@@ -60,6 +62,10 @@ class Group:
         Over the largest complete block of data sets and algorithms; None where it is too small.
     left_out
         Data sets that are not in that block: ``study, family, kind, reason``. Empty without ranks.
+    better_variants
+        Variants of settings whose mean error is smaller than that of every competitor, with the number of
+        data sets in which this is so. They are not ranked, and rows that train with the tested sample are
+        none.
     sources
         How many sources the data sets of the block have, or all of them without ranks: collections of
         recordings, and synthetic studies. Data sets of one source depend on each other.
@@ -73,6 +79,7 @@ class Group:
     outcomes: pd.DataFrame
     ranks: Ranks | None
     left_out: pd.DataFrame
+    better_variants: dict[str, int]
     sources: int
 
 
@@ -178,6 +185,7 @@ def _group(parts: Sequence[Part]) -> Group:
         outcomes=paired_outcomes(pairs),
         ranks=ranked,
         left_out=_left_out(ran, block),
+        better_variants=_better_variants(parts),
         sources=len({sources[study].get(family, f"study {study}") for study, family in inside}),
     )
 
@@ -213,6 +221,24 @@ def _left_out(ran: pd.DataFrame, block: Block | None) -> pd.DataFrame:
     return pd.DataFrame(found, columns=["study", "family", "kind", "reason"])
 
 
+def _better_variants(parts: Sequence[Part]) -> dict[str, int]:
+    """Return the variants that are ahead of all competitors on a data set, the first there, with counts."""
+    found: Counter[str] = Counter()
+    for study, lines in parts:
+        learned = {
+            row
+            for row, entry in study.entries.items()
+            if entry.get("options", {}).get("protocol") == "resubstitution"
+        }
+        fit = lines[(lines["coverage"] >= LEAST_COVERAGE) & (lines["worlds"] == lines["of_worlds"])]
+        for _, own in fit.groupby("family", sort=False):
+            rivals = own[own["competes"]]
+            variants = own[(own["role"] == VARIANT) & ~own["competes"] & ~own["algorithm"].isin(learned)]
+            if len(rivals) and len(variants) and variants["mean_m"].min() < rivals["mean_m"].min():
+                found[str(variants.loc[variants["mean_m"].idxmin(), "algorithm"])] += 1
+    return dict(found.most_common())
+
+
 def _pairs(study: StudyTables, labels: Mapping[tuple[str, str], str]) -> pd.DataFrame:
     own = study.paired.assign(study=study.study)
     own["label"] = [labels.get((study.study, str(row))) for row in own["algorithm"]]
@@ -230,6 +256,14 @@ def _settings(parts: Sequence[Part], lines: pd.DataFrame) -> list[dict[str, Any]
             own = {**entry.get("parameters", {}), **entry.get("options", {})}
             found += [own] if own not in found else []
     return found
+
+
+def _common(lines: pd.DataFrame, ranked: Ranks | None) -> pd.DataFrame:
+    """Return a row's lines on the data sets of the mean ranks, which all ranked rows share, else all."""
+    if ranked is None:
+        return lines
+    inside = lines[[data_set in ranked.rank.index for data_set in _keys(lines)]]
+    return inside if len(inside) else lines
 
 
 def _summary(
@@ -251,7 +285,7 @@ def _summary(
                 "won_share": own["worlds_won_share"].mean(),
                 "over_best": float(np.exp(own["log_over_best"].mean())),
                 "rank": np.nan if ranked is None else ranked.mean.get(label, np.nan),
-                "seconds": own["seconds"].median(),
+                "seconds": _common(own, ranked)["seconds"].median(),
                 "unlike_settings": len(settings[label]) > 1,
             }
         )

@@ -6,10 +6,8 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
+from positioning.evaluation.claims import CONDITIONS
 from positioning.presentation import tables
-
-SHARES = ("ordering", "smallest", "ratio", "bound")
-"""Kinds of claims that worlds meet or do not: what is rebuilt is the share of them."""
 
 WIDTH, HEIGHT = 130, 22
 """Size of a drawing, pixels."""
@@ -53,7 +51,7 @@ def claim_line(line: Mapping[str, Any], kinds: Mapping[str, str]) -> dict[str, A
         Kind by claim.
     """
     printed, kind = str(line["printed"]), kinds.get(str(line["claim"]), "")
-    share = kind in SHARES
+    share = kind in CONDITIONS
     rebuilt, low, high = (float(line[name]) for name in ("rebuilt", "low", "high"))
     least = 0 if line["unit"] in tables.COUNTS else 2
     return {
@@ -98,7 +96,7 @@ def drawn(line: Mapping[str, Any], kind: str) -> Markup:
         Kind of the claim.
     """
     rebuilt, low, high = (float(line[name]) for name in ("rebuilt", "low", "high"))
-    share = kind in SHARES
+    share = kind in CONDITIONS
     printed = math.nan if share else _number(str(line["printed"]))
     values = [value for value in (rebuilt, low, high, printed) if math.isfinite(value)]
     if math.isnan(rebuilt) or not values:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
 from positioning.evaluation.comparison import Comparison, Group
 from positioning.evaluation.comparison_lines import CONTROL
@@ -163,8 +163,8 @@ def _times(task: Comparison, group: Group) -> Drawn | None:
                 if several
                 else ""
             )
-            + " Variants beyond the axes are left out. A row that builds on the fixes or steps of another one"
-            " is charged its own time alone."
+            + " Variants beyond the axes, which hold all better ones, are left out. A row that builds on the"
+            " fixes or steps of another one is charged its own time alone."
         ),
         alt="Run time and mean error. "
         + " ".join(
@@ -215,7 +215,9 @@ def _scatter(axes: Axes, points: pd.DataFrame) -> bool:
     axes.set_yscale("log")
     competing = points[points["competes"]].sort_values(["seconds", "mean_m"])
     # Variants may be hopeless on purpose; the axes are for those that compete.
-    shown = points[points["competes"] | (points["label"] == "control_oracle")]
+    # A variant that is better than all of these is no reason to look away.
+    better = points["mean_m"] < competing["mean_m"].min()
+    shown = points[points["competes"] | (points["label"] == "control_oracle") | better]
     others = points[~points["competes"] & (points["label"] != "control_oracle")]
     for name, limit in (("seconds", axes.set_xlim), ("mean_m", axes.set_ylim)):
         values = np.log10(shown[name].to_numpy(dtype=float))
@@ -265,9 +267,10 @@ def _decades(low: float, high: float, most: int) -> list[float]:
     for parts in ((1,), (1, 3), (1, 2, 5), (1, 1.5, 2, 3, 4, 5, 6, 7, 8, 9)):
         inside = [p * 10.0**k for k in range(first, last + 1) for p in parts if low <= p * 10.0**k <= high]
         if len(inside) >= 2:
-            break
-    # An axis of less than that has one number, so that it is not without any.
-    return inside[:: -(-len(inside) // most)] if inside else [float(f"{math.sqrt(low * high):.3g}")]
+            return inside[:: -(-len(inside) // most)]
+    # A short axis is almost linear.
+    even = MaxNLocator(nbins=3, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+    return [float(f"{value:.6g}") for value in even if low <= value <= high]
 
 
 def _short_duration(seconds: float) -> str:

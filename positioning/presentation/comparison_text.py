@@ -55,7 +55,8 @@ def answer(group: Group) -> str:
         return (
             f"{counted(group)}; too few data sets share {LEAST_ALGORITHMS} algorithms that answer the same"
             " samples for a critical difference, so that the paired differences decide."
-        )
+            f" {_better_variants(group)}"
+        ).rstrip()
     mean, best = group.ranks.mean, group.ranks.best()
     told = (
         f"Lowest mean rank over {len(group.ranks.rank)} data sets: {listed(best)}"
@@ -70,7 +71,8 @@ def answer(group: Group) -> str:
         )
     elif unlike:
         told += ", told apart from all others"
-    return " ".join([f"{told}.", _against_second(group, mean), _left_out(group)]).strip()
+    parts = [f"{told}.", _against_second(group, mean), _better_variants(group), _left_out(group)]
+    return " ".join(part for part in parts if part)
 
 
 def _against_second(group: Group, mean: "pd.Series[float]") -> str:
@@ -87,6 +89,19 @@ def _against_second(group: Group, mean: "pd.Series[float]") -> str:
                 f" data set{'s' * (sets != 1)} over {unit}s"
             )
     return f"Paired with {second}, next in rank, the error of {first} is {'; '.join(told)}." if told else ""
+
+
+def _better_variants(group: Group) -> str:
+    """Return where a variant of settings, which is not ranked, is ahead of all that are."""
+    if not group.better_variants:
+        return ""
+    told = [f"{row} on {count}" for row, count in group.better_variants.items()]
+    sets = group.lines.loc[group.lines["competes"], ["study", "family"]].drop_duplicates()
+    number = len(sets)
+    return (
+        "Variants of settings are not ranked; one has a smaller mean error than every ranked row on"
+        f" {sum(group.better_variants.values())} of {number} data set{'s' * (number != 1)}: {listed(told)}."
+    )
 
 
 def _left_out(group: Group) -> str:

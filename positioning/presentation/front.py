@@ -14,6 +14,9 @@ from positioning.presentation.environment import environment
 from positioning.presentation.pages import WORLDS_NEEDED, Picture, build_lines
 from positioning.presentation.tones import GROUPS
 
+GUESS = "control_centre"
+"""The row that answers the centre of the site whatever was observed."""
+
 SIDE_REM = 2.6
 """Side of the square of the largest count."""
 
@@ -169,10 +172,10 @@ def glance(papers: Sequence[str], claims: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def best_rows(rows: Sequence[tables.Row], entries: Mapping[str, Mapping[str, Any]], reference: str) -> str:
-    """Return which rows have the smallest mean error, over families or recordings, in one sentence.
+    """Return which rows have the smallest mean error, over families or recordings, a sentence a task.
 
     A mean over easy samples alone is no merit: rows that answer less than `LEAST_COVERAGE` of what another
-    one answers do not compete, and the sentence says so.
+    one answers do not compete, and the sentence says so. It also says where no row beats a guess.
 
     Parameters
     ----------
@@ -181,24 +184,45 @@ def best_rows(rows: Sequence[tables.Row], entries: Mapping[str, Mapping[str, Any
     entries
         Settings by row.
     reference
-        The row of reference; only rows of its task and its measure compete.
+        The row of reference; its task is told first. Errors of different tasks do not compare.
     """
-    task = tables.task(entries[reference])
-    competing = [row for row in rows if tables.task(entries[row.algorithm]) == task]
+    first = tables.task(entries[reference])
+    by_task = tables.by_task(rows, entries)
+    tasks = sorted((task for task in by_task), key=lambda task: task != first)
+    found = [(task, _best_of(by_task[task], entries)) for task in tasks]
+    told = [(task, sentence) for task, sentence in found if sentence]
+    if len(told) == 1:
+        return told[0][1]
+    return " ".join(f"{task.replace('_', ' ').capitalize()}: {s[:1].lower()}{s[1:]}" for task, s in told)
+
+
+def _best_of(competing: Sequence[tables.Row], entries: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return which rows of a task have the smallest mean error, and where no row beats a guess."""
     families = list(dict.fromkeys(row.family for row in competing if row.cells))
     whole = [row for f in families for row in tables.whole_rows(r for r in competing if r.family == f)]
-    best = Counter(tables.best_row([row for row in whole if row.family == f], entries) for f in families)
-    best.pop(None, None)
+    own = {f: [row for row in whole if row.family == f] for f in families}
+    best = {f: row for f in families if (row := tables.best_row(own[f], entries)) is not None}
     if not best:
         return ""
     start = "The smallest mean error"
     if len(whole) < sum(bool(row.cells) for row in competing):
         start += f" of rows that answer at least {100 * LEAST_COVERAGE:.0f} % of the samples"
     if len(families) == 1:
-        return f"{start} is that of {next(iter(best))}."
-    told = [f"{row} on {count}" for row, count in best.most_common()]
-    listed = told[0] if len(told) == 1 else ", ".join(told[:-1]) + " and " + told[-1]
-    return f"{start} is that of {listed}."
+        told = f"{start} is that of {best[families[0]]}."
+    else:
+        named = [f"{row} on {count}" for row, count in Counter(best.values()).most_common()]
+        told = f"{start} is that of " + (
+            named[0] if len(named) == 1 else ", ".join(named[:-1]) + " and " + named[-1]
+        )
+        told += "."
+    guesses = 0
+    for family, row in best.items():
+        mean_m = {r.algorithm: r.cells["mean_m"].rebuilt for r in own[family]}
+        guesses += mean_m.get(GUESS, math.inf) <= mean_m[row]
+    if guesses:
+        place = "There" if len(families) == 1 else f"On {guesses}"
+        told += f" {place} no row beats {GUESS}, which hears nothing."
+    return told
 
 
 def main_claims(claims: Sequence[Mapping[str, Any]], ledger: pd.DataFrame) -> list[dict[str, str]]:

@@ -207,10 +207,13 @@ def answer(claims: pd.DataFrame, where: str) -> str:
 def worlds_in_words(plan: Mapping[str, Any]) -> str:
     """Return in words what a study runs on."""
     if plan["recordings"]:
-        return f"on {len(plan['recordings'])} real recording{'s' * (len(plan['recordings']) != 1)}"
+        count = len(plan["recordings"])
+        simulated = sum("simulated" in name.split("_") for name in plan["recordings"])
+        kind, rest = ("", f", {simulated} of them simulated") if simulated else ("real ", "")
+        return f"on {count} {kind}recording{'s' * (count != 1)}{rest}"
     families = len(plan["families"])
     worlds = f"on {plan['worlds']} synthetic world{'s' * (plan['worlds'] != 1)}"
-    return worlds + (f" of {families} families each" if families > 1 else "")
+    return worlds + (f" in each of {families} families" if families > 1 else "")
 
 
 def build_lines(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
