@@ -235,7 +235,7 @@ def _better_variants(parts: Sequence[Part]) -> dict[str, int]:
             rivals = own[own["competes"]]
             variants = own[(own["role"] == VARIANT) & ~own["competes"] & ~own["algorithm"].isin(learned)]
             if len(rivals) and len(variants) and variants["mean_m"].min() < rivals["mean_m"].min():
-                found[str(variants.loc[variants["mean_m"].idxmin(), "algorithm"])] += 1
+                found[str(variants.sort_values("mean_m", kind="stable")["algorithm"].iloc[0])] += 1
     return dict(found.most_common())
 
 

@@ -10,7 +10,7 @@ from positioning.presentation.tones import GROUPS
 
 MEANINGS = {
     "exact": "A scenario without chance: every printed digit comes out.",
-    "reproduced": "The printed number lies where single experiments lie: the central 95 % over the worlds, less of few.",
+    "reproduced": "The printed number lies where single experiments lie, the central 95 % of many worlds.",
     "holds": "An ordering, a ratio or a bound is met in at least 95 % of the worlds.",
     "depends": "It is met in more than 5 % and fewer than 95 % of the worlds.",
     "undecided": "Too few worlds were made to judge the claim either way.",
