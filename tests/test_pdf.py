@@ -1,5 +1,6 @@
 """The report on paper, drawings in few bytes, captions of the provenance report, tables for LaTeX."""
 
+import dataclasses
 import html
 import io
 import json
@@ -143,12 +144,41 @@ def test_the_report_counts_every_claim_once(tmp_path: Path) -> None:
     assert json.dumps(data)
 
 
-def test_a_report_of_nothing_and_figures_apart_are_named(tmp_path: Path) -> None:
+def test_a_report_of_nothing_is_named() -> None:
     with pytest.raises(InputError, match="has no study"):
         pdf.report_pdf([], {})
-    one, other = chapter(tmp_path / "here" / "first_study"), chapter(tmp_path / "there" / "first_study")
-    with pytest.raises(InputError, match="lie in 2 folders"):
-        pdf.report_pdf([one, other], {})
+
+
+def test_the_report_tells_main_claims_settings_and_the_comparison(tmp_path: Path) -> None:
+    one = chapter(tmp_path / "figures" / "first_study")
+    other = chapter(tmp_path / "comparison")
+    claims = [{**claim, "main": number == 0} for number, claim in enumerate(one.paper["claims"])]
+    settings = {
+        "points": {"value": 257, "unit": "places", "where": "section `6`"},
+        "noise_db": {"value": 4.5, "unit": "dB", "assumed": True, "why": "not <printed>"},
+    }
+    readings = [{"equation": "Eq. 1", "problem": "`x` or y", "used": "x"}]
+    paper = {
+        **one.paper,
+        "claims": claims,
+        "settings": {one.study: settings},
+        "readings": {one.study: readings},
+    }
+    plan = {**one.plan, "families": {"floor": {"points": 257, "noise_db": 4.5}}}
+    step = {"setting": "noise_db", "family": None, "value": 3.25}
+    told = dataclasses.replace(one, paper=paper, plan=plan, calibration=[step])
+    data = pdf.report_data([told], MANIFEST, tmp_path, other.figures)
+    (mains,) = data["mains"]
+    assert (mains["paper"], len(mains["lines"])) == ("First", 1)
+    grids = data["chapters"][0]["settings"]
+    texts = [[[cell["text"] for cell in line] for line in grid["lines"]] for grid in grids]
+    assert texts == [
+        [["points", "257 places", "section 6", "\N{EN DASH}"]],
+        [["noise_db", "4.5 dB", "not <printed>", "3.25, calibrated"]],
+        [["Eq. 1", "x or y", "x", "\N{EN DASH}"]],
+    ]
+    assert [figure["path"] for figure in data["comparison"]] == ["/comparison/fig1.pdf"]
+    assert pdf.report_pdf([told], MANIFEST, comparison=other.figures).startswith(b"%PDF-")
 
 
 def test_all_accepted_claims_are_plain_latex() -> None:

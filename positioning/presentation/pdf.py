@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,11 +16,13 @@ from positioning.errors import InputError
 from positioning.files import read_json
 from positioning.presentation import tables
 from positioning.presentation.claim_lines import claim_line
-from positioning.presentation.front import glance, in_short, shown_groups
+from positioning.presentation.front import glance, in_short, main_claims, shown_groups
+from positioning.presentation.method import MEANINGS
 from positioning.presentation.pages import answer, build_lines, worlds_in_words
 from positioning.presentation.papers import kinds_of
+from positioning.presentation.study_lines import setting_lines
 from positioning.presentation.svg import EPOCH
-from positioning.presentation.tones import PALETTES, TONES
+from positioning.presentation.tones import GROUPS, PALETTES, TONES
 
 TEMPLATE = Path(__file__).parent / "templates" / "report.typ"
 """How the report is laid out; it holds no numbers and no texts of a study."""
@@ -41,6 +44,8 @@ class Chapter:
         What the paper reports: ``key``, ``short``, ``authors``, ``title``, ``claims``.
     figures
         The folder of its figures.
+    calibration
+        One mapping a calibrated setting, as the rule of this name writes them.
     """
 
     study: str
@@ -49,6 +54,7 @@ class Chapter:
     claims: pd.DataFrame
     paper: Mapping[str, Any]
     figures: Path
+    calibration: Sequence[Mapping[str, Any]] = ()
 
 
 @dataclass(frozen=True)
@@ -60,7 +66,12 @@ class _Grid:
     caption: str = ""
 
 
-def report_pdf(chapters: Sequence[Chapter], manifest: Mapping[str, Any], seconds: int = EPOCH) -> bytes:
+def report_pdf(
+    chapters: Sequence[Chapter],
+    manifest: Mapping[str, Any],
+    seconds: int = EPOCH,
+    comparison: Path | None = None,
+) -> bytes:
     """Return the report as a PDF with bookmarks, page numbers and figures whose fonts are embedded.
 
     Parameters
@@ -71,16 +82,19 @@ def report_pdf(chapters: Sequence[Chapter], manifest: Mapping[str, Any], seconds
         Commit, versions and whatever else names the build.
     seconds
         The time that the file gives as its own, since 1970; equal input gives equal bytes.
+    comparison
+        The folder of the figures that put all algorithms of a task beside each other.
 
     Raises
     ------
     InputError
-        Without any study, where a figure's PDF is not there, or where figures lie in no common folder.
+        Without any study, or where a figure's PDF is not there.
     """
     import typst  # of 30 MB: who only reads the texts of this module does not wait for it
 
-    root = _common([chapter.figures for chapter in chapters])
-    data = json.dumps(report_data(chapters, manifest, root), ensure_ascii=False)
+    folders = [chapter.figures for chapter in chapters] + ([comparison] if comparison else [])
+    root = _common(folders)
+    data = json.dumps(report_data(chapters, manifest, root, comparison), ensure_ascii=False)
     template: Any = TEMPLATE.read_bytes()  # typst's own types want template and root to be of one kind
     pdf: bytes = typst.compile(
         template,
@@ -93,12 +107,14 @@ def report_pdf(chapters: Sequence[Chapter], manifest: Mapping[str, Any], seconds
     return pdf
 
 
-def report_data(chapters: Sequence[Chapter], manifest: Mapping[str, Any], root: Path) -> dict[str, Any]:
+def report_data(
+    chapters: Sequence[Chapter], manifest: Mapping[str, Any], root: Path, comparison: Path | None = None
+) -> dict[str, Any]:
     """Return all that the template sets, as texts.
 
     Parameters
     ----------
-    chapters, manifest
+    chapters, manifest, comparison
         As in `report_pdf`.
     root
         The folder to which the paths of figures are relative.
@@ -123,7 +139,10 @@ def report_data(chapters: Sequence[Chapter], manifest: Mapping[str, Any], root: 
         "verdicts": [verdict for verdicts in groups.values() for verdict in verdicts],
         "matrix": [{**line, "name": papers[line["paper"]]["short"]} for line in glance(list(papers), ledger)],
         "tones": {verdict: PALETTES["light"][tone] for verdict, tone in TONES.items()},
+        "mains": _mains(chapters),
+        "meanings": [[verdict, MEANINGS[verdict]] for verdicts in GROUPS.values() for verdict in verdicts],
         "chapters": [_chapter(chapter, root) for chapter in chapters],
+        "comparison": _figures(comparison, root) if comparison else [],
         "manifest": build_lines(manifest),
     }
 
@@ -170,8 +189,62 @@ def _chapter(chapter: Chapter, root: Path) -> dict[str, Any]:
         "answer": answer(chapter.claims, worlds_in_words(chapter.plan)),
         "tables": [vars(grid) for grid in _grids(chapter)],
         "figures": _figures(chapter.figures, root),
+        "settings": [vars(grid) for grid in _settings(chapter)],
         "claims": [_claim(line, kinds) for line in tables.records(chapter.claims)],
     }
+
+
+def _mains(chapters: Sequence[Chapter]) -> list[dict[str, Any]]:
+    """Return what each paper mainly claims, with verdicts and numbers."""
+    found: dict[str, list[dict[str, str]]] = {}
+    for chapter in chapters:
+        lines = main_claims(chapter.paper.get("claims", []), chapter.claims)
+        found.setdefault(str(chapter.paper["short"]), []).extend(lines)
+    return [{"paper": paper, "lines": lines} for paper, lines in found.items() if lines]
+
+
+def _settings(chapter: Chapter) -> Iterable[_Grid]:
+    """Yield what the paper reports of the worlds, what had to be assumed, and how it is read."""
+    settings = setting_lines(
+        chapter.paper.get("settings", {}).get(chapter.study, {}),
+        chapter.plan["families"],
+        chapter.calibration,
+    )
+    for kind, where in (("reported", "where"), ("assumed", "why")):
+        grid = _Grid(
+            head=["setting", "value", where, "used instead"],
+            caption={"reported": "Reported by the paper", "assumed": "Assumed: the paper does not print it"}[
+                kind
+            ],
+        )
+        for line in settings[kind]:
+            used = "; ".join(
+                one["text"]
+                + (f" in {', '.join(one['families'])}" if one["families"] else "")
+                + (", calibrated" if one["calibrated"] else "")
+                for one in line["used"]
+            )
+            texts = (
+                line["name"],
+                f"{line['value']} {line['unit']}",
+                line["where"].striptags(),
+                used or tables.NOTHING,
+            )
+            grid.lines.append([{"text": text, "small": "", "verdict": ""} for text in texts])
+        if grid.lines:
+            yield grid
+    readings = chapter.paper.get("readings", {}).get(chapter.study, [])
+    if readings:
+        grid = _Grid(
+            head=["place", "problem", "reading used", "others"],
+            caption="Where the paper can be read in more than one way",
+        )
+        for reading in readings:
+            told = [reading.get(name, tables.NOTHING) for name in ("equation", "problem", "used", "others")]
+            grid.lines.append(
+                [{"text": str(text).replace("`", ""), "small": "", "verdict": ""} for text in told]
+            )
+        yield grid
 
 
 def _claim(line: Mapping[str, Any], kinds: Mapping[str, str]) -> dict[str, str]:
@@ -194,8 +267,13 @@ def _grids(chapter: Chapter) -> Iterable[_Grid]:
                 if m in ("mean_m", "p50_m", "p75_m", "p90_m", "p95_m")
                 or any(row.cells[m].printed for row in ran)
             ]
+            spans = any(row.cells["mean_m"].span for row in ran)
             grid = _Grid(
-                head=["algorithm", *(tables.HEADINGS[m] for m in shown), "mean, interval"],
+                head=[
+                    "algorithm",
+                    *(tables.HEADINGS[m] for m in shown),
+                    *(["mean, interval"] if spans else []),
+                ],
                 caption=_caption(family, task, ran, lines),
             )
             for row in ran:
@@ -208,7 +286,7 @@ def _grids(chapter: Chapter) -> Iterable[_Grid]:
                             for c in cells
                         ),
                         {"text": row.cells["mean_m"].span or tables.NOTHING, "small": "", "verdict": ""},
-                    ]
+                    ][: len(grid.head)]
                 )
             yield grid
 
@@ -268,10 +346,6 @@ def _commit(manifest: Mapping[str, Any]) -> str:
     return commit + (" with changes that are not committed" if manifest.get("dirty") else "")
 
 
-def _common(folders: Iterable[Path]) -> Path:
-    parents = {folder.resolve().parent for folder in folders}
-    if len(parents) > 1:
-        raise InputError(
-            "figures of the studies", f"lie in {len(parents)} folders", "Keep them below one folder"
-        )
-    return next(iter(parents), Path()).resolve()
+def _common(folders: Sequence[Path]) -> Path:
+    """Return the folder that holds those of all figures."""
+    return Path(os.path.commonpath([folder.resolve().parent for folder in folders])) if folders else Path()

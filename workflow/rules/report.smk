@@ -195,6 +195,12 @@ rule pdf:
         tables=expand(f"{RESULTS}/tables/{{study}}.csv", study=STUDIES),
         figures=expand(f"{RESULTS}/figures/{{study}}", study=STUDIES),
         papers=sorted({f"data/papers/{study.paper}.yaml" for study in STUDIES.values()}),
+        calibration=[
+            f"{RESULTS}/calibration/{study.name}.json"
+            for study in STUDIES.values()
+            if study.calibrate
+        ],
+        comparison=f"{RESULTS}/comparison",
         manifest=f"{RESULTS}/manifest.json",
         templates=TEMPLATES,
         code=code("workflow/scripts/pdf.py"),

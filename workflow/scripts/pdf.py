@@ -16,6 +16,7 @@ def main(
     files: Mapping[str, Sequence[str]],
     claims: str,
     manifest: str,
+    comparison: str,
     output: Mapping[str, str],
 ) -> None:
     """Write two files, ``pdf`` and ``latex``.
@@ -25,16 +26,20 @@ def main(
     plan
         By study, in the order of the chapters, as on the study's page; with ``paper``, the paper's key.
     files
-        ``tables`` and ``figures`` (the folders), one a study in the order of ``plan``; ``papers``, all.
+        ``tables`` and ``figures`` (the folders), one a study in the order of ``plan``; ``papers``, all;
+        ``calibration``, one a study that calibrates, called like it.
     claims
         The ledger of all studies.
     manifest
         What the numbers came from.
+    comparison
+        The folder of the figures of all algorithms.
     output
         The two files.
     """
     ledger = tables.read_table(claims)
     papers = read_papers(files["papers"])
+    calibrations = {Path(path).stem: read_json(path) for path in files["calibration"]}
     chapters = [
         pdf.Chapter(
             study=study,
@@ -43,6 +48,7 @@ def main(
             claims=ledger[ledger["study"] == study],
             paper=papers[values["paper"]],
             figures=Path(figures),
+            calibration=calibrations.get(study, []),
         )
         for (study, values), table, figures in zip(
             plan.items(), files["tables"], files["figures"], strict=True
@@ -50,7 +56,7 @@ def main(
     ]
     write_text(output["latex"], pdf.ledger_latex(ledger, kinds_of(papers.values())))
     seconds = int(os.environ.get("SOURCE_DATE_EPOCH", pdf.EPOCH))
-    whole = pdf.report_pdf(chapters, read_json(manifest), seconds)
+    whole = pdf.report_pdf(chapters, read_json(manifest), seconds, Path(comparison))
     with replacing(output["pdf"]) as temporary:
         temporary.write_bytes(whole)
 
@@ -59,8 +65,12 @@ if __name__ == "__main__":
     with logging_to(snakemake.log[0]):
         main(
             snakemake.params.plan,
-            {name: snakemake.input[name] for name in ("tables", "figures", "papers")},
+            {
+                name: list(snakemake.input.get(name, []))
+                for name in ("tables", "figures", "papers", "calibration")
+            },
             snakemake.input.claims,
             snakemake.input.manifest,
+            snakemake.input.comparison,
             dict(snakemake.output.items()),
         )
