@@ -52,6 +52,12 @@ def figure_name(task: Comparison, group: Group, what: str) -> str:
     return f"{task.task}_{what}" if len(task.groups) == 1 else f"{task.task}_{group.name}_{what}"
 
 
+def _place(task: Comparison, group: Group) -> str:
+    """Return in words which task a figure is of, and which group where the task has several."""
+    words = task.task.replace("_", " ")
+    return words if len(task.groups) == 1 else f"{words} of {group.name}"
+
+
 def _label(group: Group, label: str) -> str:
     new = set(group.summary.loc[group.summary["new"], "label"])
     return label + (NEW if label in new else "")
@@ -92,7 +98,7 @@ def _ranks(task: Comparison, group: Group) -> Drawn | None:
     return Drawn(
         name=figure_name(task, group, "ranks"),
         figure=figure,
-        title="Mean ranks",
+        title=f"Mean ranks, {_place(task, group)}",
         caption=(
             f"{len(mean)} algorithms on the {len(rank)} data sets of {listed(studies)} in which all of them"
             f" answer at least {answered(LEAST_COVERAGE)} of the samples; ranks are of paired differences at"
@@ -146,7 +152,7 @@ def _times(task: Comparison, group: Group) -> Drawn | None:
     return Drawn(
         name=figure_name(task, group, "times"),
         figure=figure,
-        title="Run time against error",
+        title=f"Run time against error, {_place(task, group)}",
         caption=(
             "Mean error over a row's own samples against the median run time on a world or recording, both"
             " axes logarithmic; low and left is better."
