@@ -145,24 +145,28 @@ def test_the_front_page_links_counts_to_their_claims() -> None:
         assert f'href="{paper}_study.html"' in page
 
 
-def test_the_best_row_is_named_by_recording_and_is_no_control() -> None:
-    means = {"wknn": (1.0, 2.0, 3.0), "svm": (2.0, 1.0, 2.0), "control_oracle": (0.1, 0.1, 0.1)}
+MEANS = {"wknn": (1.0, 2.0, 3.0), "svm": (2.0, 1.0, 2.0), "control_oracle": (0.1, 0.1, 0.1)}
+
+
+def rows_at_places(
+    means: dict[str, tuple[float, ...]],
+) -> tuple[list[tables.Row], dict[str, dict[str, Any]]]:
+    """Rows of nine samples at a few places, and their entries."""
     rows = [
         tables.Row(row, f"place {number}", 1, 9, {"mean_m": tables.Cell(mean)})
         for row, found in means.items()
         for number, mean in enumerate(found)
     ]
-    entries = {row: {"use": row, "options": {}} for row in means}
+    return rows, {row: {"use": row, "options": {}} for row in means}
+
+
+def test_the_best_row_is_named_by_recording_and_is_no_control() -> None:
+    rows, entries = rows_at_places(MEANS)
     assert (
         front.best_rows(rows, entries, "wknn") == "The smallest mean error is that of svm on 2 and wknn on 1."
     )
     assert front.best_rows(rows[::3], entries, "wknn") == "The smallest mean error is that of wknn."
-    guess = [
-        tables.Row("control_centre", f"place {number}", 1, 9, {"mean_m": tables.Cell(mean)})
-        for number, mean in enumerate((0.5, 1.0, 9.0))
-    ]
-    entries["control_centre"] = {"use": "control_centre", "options": {}}
-    assert front.best_rows([*rows, *guess], entries, "wknn").endswith(
+    assert front.best_rows(*rows_at_places({**MEANS, "control_centre": (0.5, 1.0, 9.0)}), "wknn").endswith(
         "svm on 2 and wknn on 1. On 2 no row beats control_centre, which hears nothing."
     )
 
@@ -185,13 +189,7 @@ def test_simulated_recordings_are_not_called_real() -> None:
 
 
 def test_rows_that_answer_easy_samples_alone_are_not_the_best() -> None:
-    means = {"wknn": (1.0, 2.0, 3.0), "svm": (2.0, 1.0, 2.0), "control_oracle": (0.1, 0.1, 0.1)}
-    rows = [
-        tables.Row(row, f"place {number}", 1, 9, {"mean_m": tables.Cell(mean)})
-        for row, found in means.items()
-        for number, mean in enumerate(found)
-    ]
-    entries = {row: {"use": row, "options": {}} for row in means}
+    rows, entries = rows_at_places(MEANS)
     few = [
         replace(row, samples=5) if (row.algorithm, row.family) == ("svm", "place 1") else row for row in rows
     ]
