@@ -172,12 +172,26 @@ def test_the_best_row_is_named_by_recording_and_is_no_control() -> None:
 
 
 def test_the_best_rows_of_each_task_are_told_apart() -> None:
-    found = [("fix", "trilateration", 2.0), ("filter", "tracking", 3.0), ("still", "tracking", 1.0)]
+    found = [
+        *(("fix", "trilateration", 2.0), ("other", "trilateration", 2.5), ("alone", "ranging", 1.0)),
+        *(("filter", "tracking", 3.0), ("still", "tracking", 1.0)),
+    ]
     rows = [tables.Row(row, "walk", 1, 9, {"mean_m": tables.Cell(mean)}) for row, _, mean in found]
     entries = {row: {"use": row, "task": task, "options": {}} for row, task, _ in found}
     assert front.best_rows(rows, entries, "filter") == (
         "Tracking: the smallest mean error is that of still. Trilateration: the smallest mean error is that"
         " of fix."
+    )
+
+
+def test_where_one_row_alone_answers_nothing_is_the_best() -> None:
+    rows, entries = rows_at_places(MEANS)
+    silent = [
+        replace(row, samples=0, cells={}) if (row.algorithm, row.family) == ("svm", "place 1") else row
+        for row in rows
+    ]
+    assert front.best_rows(silent, entries, "wknn") == (
+        "The smallest mean error is that of wknn on 1 and svm on 1; on 1 there is nothing to compare."
     )
 
 
@@ -194,8 +208,8 @@ def test_rows_that_answer_easy_samples_alone_are_not_the_best() -> None:
         replace(row, samples=5) if (row.algorithm, row.family) == ("svm", "place 1") else row for row in rows
     ]
     assert front.best_rows(few, entries, "wknn") == (
-        "The smallest mean error of rows that answer at least 98 % of the samples is that of wknn on 2 and"
-        " svm on 1."
+        "The smallest mean error of rows that answer at least 98 % of the samples is that of wknn on 1 and"
+        " svm on 1; on 1 there is nothing to compare."
     )
 
 

@@ -54,13 +54,14 @@ def claim_line(line: Mapping[str, Any], kinds: Mapping[str, str]) -> dict[str, A
     share = kind in CONDITIONS
     rebuilt, low, high = (float(line[name]) for name in ("rebuilt", "low", "high"))
     least = 0 if line["unit"] in tables.COUNTS else 2
+    unit = "" if printed or rebuilt != rebuilt or line["unit"] in ("", "1", "share") else f" {line['unit']}"
     return {
         **line,
         "kind": kind,
         "printed": f"{printed} {line['unit']}".strip() if printed else "",
         "rebuilt": f"{100 * rebuilt:.0f} % of worlds"
         if share and rebuilt == rebuilt
-        else tables.decimals(rebuilt, printed, least),
+        else tables.decimals(rebuilt, printed, least) + unit,
         "span": f"{100 * low:.0f} to {100 * high:.0f} %"
         if share and low == low
         else tables.span(low, high, printed, least),

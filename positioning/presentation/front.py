@@ -12,7 +12,7 @@ from positioning.evaluation.ranks import LEAST_COVERAGE
 from positioning.presentation import tables
 from positioning.presentation.environment import environment
 from positioning.presentation.pages import WORLDS_NEEDED, Picture, build_lines
-from positioning.presentation.tones import GROUPS
+from positioning.presentation.tones import GROUPS, is_control
 
 GUESS = "control_centre"
 """The row that answers the centre of the site whatever was observed."""
@@ -198,29 +198,35 @@ def best_rows(rows: Sequence[tables.Row], entries: Mapping[str, Mapping[str, Any
 
 def _best_of(competing: Sequence[tables.Row], entries: Mapping[str, Mapping[str, Any]]) -> str:
     """Return which rows of a task have the smallest mean error, and where no row beats a guess."""
-    families = list(dict.fromkeys(row.family for row in competing if row.cells))
+    asked = list(dict.fromkeys(row.family for row in competing))
+    families = [f for f in asked if any(row.cells for row in competing if row.family == f)]
     whole = [row for f in families for row in tables.whole_rows(r for r in competing if r.family == f)]
     own = {f: [row for row in whole if row.family == f] for f in families}
-    best = {f: row for f in families if (row := tables.best_row(own[f], entries)) is not None}
+    # Where one row alone answers enough there is nothing to be better than.
+    rivals = {f: sum(not is_control(row.algorithm) for row in own[f]) for f in families}
+    best = {
+        f: row for f in families if rivals[f] > 1 and (row := tables.best_row(own[f], entries)) is not None
+    }
     if not best:
         return ""
     start = "The smallest mean error"
     if len(whole) < sum(bool(row.cells) for row in competing):
         start += f" of rows that answer at least {100 * LEAST_COVERAGE:.0f} % of the samples"
-    if len(families) == 1:
-        told = f"{start} is that of {best[families[0]]}."
+    if len(asked) == 1:
+        told = f"{start} is that of {best[asked[0]]}."
     else:
         named = [f"{row} on {count}" for row, count in Counter(best.values()).most_common()]
         told = f"{start} is that of " + (
             named[0] if len(named) == 1 else ", ".join(named[:-1]) + " and " + named[-1]
         )
-        told += "."
+        alone = len(asked) - len(best)
+        told += f"; on {alone} there is nothing to compare." if alone else "."
     guesses = 0
     for family, row in best.items():
         mean_m = {r.algorithm: r.cells["mean_m"].rebuilt for r in own[family]}
         guesses += mean_m.get(GUESS, math.inf) <= mean_m[row]
     if guesses:
-        place = "There" if len(families) == 1 else f"On {guesses}"
+        place = "There" if len(asked) == 1 else f"On {guesses}"
         told += f" {place} no row beats {GUESS}, which hears nothing."
     return told
 

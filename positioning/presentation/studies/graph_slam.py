@@ -317,7 +317,7 @@ def _paired(study: Study) -> Drawn | None:
         figure=figure,
         title=f"Paired differences to {ALIGNED}",
         caption=f"Mean landmark error minus that of {ALIGNED} {pairs}. {_counted(study, family)}, tied by all"
-        f" visits. Controls see the truth. {ASSUMED}",
+        f" visits. Controls see the truth or nothing. {ASSUMED}",
         alt=f"Differences of the mean landmark error to {ALIGNED}: {told}.",
     )
 
