@@ -20,6 +20,7 @@ from positioning.evaluation.comparison_lines import (
     StudyTables,
     study_lines,
 )
+from positioning.evaluation.entries import protocol_of
 from positioning.evaluation.ranks import (
     LEAST_COVERAGE,
     Block,
@@ -225,11 +226,7 @@ def _better_variants(parts: Sequence[Part]) -> dict[str, int]:
     """Return the variants that are ahead of all competitors on a data set, the first there, with counts."""
     found: Counter[str] = Counter()
     for study, lines in parts:
-        learned = {
-            row
-            for row, entry in study.entries.items()
-            if entry.get("options", {}).get("protocol") == "resubstitution"
-        }
+        learned = {row for row, entry in study.entries.items() if protocol_of(entry) == "resubstitution"}
         fit = lines[(lines["coverage"] >= LEAST_COVERAGE) & (lines["worlds"] == lines["of_worlds"])]
         for _, own in fit.groupby("family", sort=False):
             rivals = own[own["competes"]]

@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from positioning.evaluation.entries import new_rows, task_of
 from positioning.evaluation.ranks import LEAST_COVERAGE, LEAST_SAMPLES, difference_ranks, worlds_won
-from positioning.evaluation.shipped import new_rows
 from positioning.evaluation.statistics import CONFIDENCE, Interval, mean_interval, student_t
 
 COLUMNS = [
@@ -110,7 +110,7 @@ def study_lines(study: StudyTables, accepted: set[tuple[str, str]]) -> dict[str,
         entry, (role, new) = study.entries[row], what[row]
         measured = not line["note"]
         interval, over = _interval(line, per_world.get((family, row))) if measured else (_NO_INTERVAL, "")
-        tasks.setdefault(str(entry.get("task", "fingerprinting")), []).append(
+        tasks.setdefault(task_of(entry), []).append(
             {str(name): line.get(name, np.nan) for name in COLUMNS}
             | {
                 "study": study.study,

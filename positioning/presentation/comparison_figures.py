@@ -18,7 +18,6 @@ from positioning.presentation.comparison_text import (
     dependent,
     duration,
     fewer_worlds,
-    listed,
     probability,
 )
 from positioning.presentation.figures import Drawn
@@ -100,9 +99,9 @@ def _ranks(task: Comparison, group: Group) -> Drawn | None:
         figure=figure,
         title=f"Mean ranks, {_place(task, group)}",
         caption=(
-            f"{len(mean)} algorithms on the {len(rank)} data sets of {listed(studies)} in which all of them"
-            f" answer at least {answered(LEAST_COVERAGE)} of the samples; ranks are of paired differences at"
-            f" common samples.{' ' * bool(few)}{few} Large marker: mean rank; small dots: ranks in single"
+            f"{len(mean)} algorithms on the {len(rank)} data sets of {tables.listed(studies)} in which all of"
+            f" them answer at least {answered(LEAST_COVERAGE)} of the samples; ranks are of paired differences"
+            f" at common samples.{' ' * bool(few)}{few} Large marker: mean rank; small dots: ranks in single"
             " data sets, larger where several agree. The bar reaches half of Nemenyi's critical difference"
             f" ({2 * half:.2f} ranks) to either side: two algorithms differ at the 5 % level where their bars"
             " do not overlap; the grey band is that of the best."

@@ -1,7 +1,6 @@
 """Words and numbers in which the comparison of all algorithms is told, on its page and under its figures."""
 
 import math
-from collections.abc import Sequence
 
 import pandas as pd
 
@@ -59,14 +58,14 @@ def answer(group: Group) -> str:
         ).rstrip()
     mean, best = group.ranks.mean, group.ranks.best()
     told = (
-        f"Lowest mean rank over {len(group.ranks.rank)} data sets: {listed(best)}"
+        f"Lowest mean rank over {len(group.ranks.rank)} data sets: {tables.listed(best)}"
         f" ({mean.iloc[0]:.1f} of {len(mean)})"
     )
     unlike = group.ranks.unlike_best()
     alike = [str(name) for name in mean.index if name not in unlike and name not in best]
     if alike:
         told += (
-            f"; {listed(alike)} {'is' if len(alike) == 1 else 'are'} not told apart from"
+            f"; {tables.listed(alike)} {'is' if len(alike) == 1 else 'are'} not told apart from"
             f" {'it' if len(best) == 1 else 'them'} by mean ranks alone"
         )
     elif unlike:
@@ -100,14 +99,15 @@ def _better_variants(group: Group) -> str:
     number = len(sets)
     return (
         "Variants of settings are not ranked; one has a smaller mean error than every ranked row on"
-        f" {sum(group.better_variants.values())} of {number} data set{'s' * (number != 1)}: {listed(told)}."
+        f" {sum(group.better_variants.values())} of {number} data set{'s' * (number != 1)}:"
+        f" {tables.listed(told)}."
     )
 
 
 def _left_out(group: Group) -> str:
     counts = group.left_out["reason"].value_counts()
     told = [f"{counts[reason]} {text}" for reason, text in LEFT_OUT.items() if counts.get(reason, 0)]
-    return f"Data sets left out of the ranks: {listed(told)}." if told else ""
+    return f"Data sets left out of the ranks: {tables.listed(told)}." if told else ""
 
 
 def reservation(group: Group) -> str:
@@ -139,7 +139,7 @@ def fewer_worlds(lines: pd.DataFrame) -> str:
         f" of {line['study']}: {line['family']}"
         for line in few
     ]
-    return f"In fewer worlds, and compared with others in these alone: {listed(told)}." if told else ""
+    return f"In fewer worlds, and compared with others in these alone: {tables.listed(told)}." if told else ""
 
 
 def dependent(group: Group, ranked: Ranks) -> str:
@@ -159,11 +159,6 @@ def counted(group: Group) -> str:
     """Return how many algorithms compete in a group, on how many data sets."""
     algorithms, data_sets = len(group.summary), len(data_sets_of(competing(group.lines)))
     return f"{algorithms} algorithm{'s' * (algorithms != 1)} on {data_sets} data set{'s' * (data_sets != 1)}"
-
-
-def listed(names: Sequence[str]) -> str:
-    """Return names as a list in a sentence."""
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
 
 
 def data_sets_of(lines: pd.DataFrame) -> list[tuple[str, str]]:

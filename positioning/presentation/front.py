@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from positioning.evaluation.entries import task_of
 from positioning.evaluation.ranks import LEAST_COVERAGE
 from positioning.presentation import tables
 from positioning.presentation.environment import environment
@@ -128,8 +129,7 @@ def in_short(claims: pd.DataFrame) -> str:
     told = [f"{count} {predicate[count != 1]}" for count, predicate in counted if count]
     if not told:
         return "The papers claim nothing here."
-    listed = told[0] if len(told) == 1 else ", ".join(told[:-1]) + " and " + told[-1]
-    return f"Of {len(claims)} claim{'s' * (len(claims) != 1)}, {listed}."
+    return f"Of {len(claims)} claim{'s' * (len(claims) != 1)}, {tables.listed(told)}."
 
 
 def shown_groups(claims: pd.DataFrame) -> dict[str, list[str]]:
@@ -186,7 +186,7 @@ def best_rows(rows: Sequence[tables.Row], entries: Mapping[str, Mapping[str, Any
     reference
         The row of reference; its task is told first. Errors of different tasks do not compare.
     """
-    first = tables.task(entries[reference])
+    first = task_of(entries[reference])
     by_task = tables.by_task(rows, entries)
     tasks = sorted((task for task in by_task), key=lambda task: task != first)
     found = [(task, _best_of(by_task[task], entries)) for task in tasks]
@@ -216,9 +216,7 @@ def _best_of(competing: Sequence[tables.Row], entries: Mapping[str, Mapping[str,
         told = f"{start} is that of {best[asked[0]]}."
     else:
         named = [f"{row} on {count}" for row, count in Counter(best.values()).most_common()]
-        told = f"{start} is that of " + (
-            named[0] if len(named) == 1 else ", ".join(named[:-1]) + " and " + named[-1]
-        )
+        told = f"{start} is that of {tables.listed(named)}"
         alone = len(asked) - len(best)
         told += f"; on {alone} there is nothing to compare." if alone else "."
     guesses = 0

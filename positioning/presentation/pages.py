@@ -10,6 +10,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from positioning.errors import InputError
+from positioning.evaluation.entries import task_of
 from positioning.files import read_json
 from positioning.presentation import tables
 from positioning.presentation.claim_lines import told
@@ -173,7 +174,7 @@ def study_page(report: Report) -> str:
             entries=row_lines(report.plan["entries"]),
             new=report.new,
             printed_in_table=any(cell.printed for row in rows for cell in row.cells.values()),
-            tasks=list(dict.fromkeys(tables.task(value) for value in report.plan["entries"].values())),
+            tasks=list(dict.fromkeys(task_of(value) for value in report.plan["entries"].values())),
             seconds=_seconds_by_rule(report.manifest),
             build=build_lines(report.manifest),
             sources=_sources(report),
@@ -200,8 +201,7 @@ def answer(claims: pd.DataFrame, where: str) -> str:
     if not found:
         return f"No claim of the paper speaks of this study; the algorithms are compared {where}."
     told = [f"{count} {PREDICATES.get(v, (v, v))[count != 1]}" for v, count in found.items()]
-    listed = told[0] if len(told) == 1 else ", ".join(told[:-1]) + " and " + told[-1]
-    return f"Of {len(claims)} claim{'s' * (len(claims) != 1)}, judged {where}, {listed}."
+    return f"Of {len(claims)} claim{'s' * (len(claims) != 1)}, judged {where}, {tables.listed(told)}."
 
 
 def worlds_in_words(plan: Mapping[str, Any]) -> str:

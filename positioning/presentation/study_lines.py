@@ -6,7 +6,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from positioning.presentation import tables
+from positioning.evaluation.entries import protocol_of, task_of
 from positioning.presentation.environment import as_text
 from positioning.presentation.tones import is_control
 from positioning.simulation.settings import calibrated_settings
@@ -130,7 +130,7 @@ def row_lines(entries: Entries) -> list[dict[str, Any]]:
     lines = []
     for name, entry in entries.items():
         use = str(entry.get("use", name))
-        base = first.setdefault((use, tables.task(entry)), name)
+        base = first.setdefault((use, task_of(entry)), name)
         own = _settings_of(entry)
         if base == name:
             what = _of_this_study(str(entry["meaning"]), rows) if entry.get("meaning") else _library(use)
@@ -143,8 +143,8 @@ def row_lines(entries: Entries) -> list[dict[str, Any]]:
                 "use": use,
                 "what": coded(" ".join(part for part in [*told, _sentence(_where(entry))] if part)),
                 "settings": pairs(own),
-                "task": tables.task(entry),
-                "protocol": tables.protocol(entry),
+                "task": task_of(entry),
+                "protocol": protocol_of(entry),
                 "is_control": is_control(use),
             }
         )

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from positioning.evaluation.claims import VERDICTS
+from positioning.evaluation.entries import protocol_of, task_of
 from positioning.evaluation.ranks import LEAST_COVERAGE
 from positioning.evaluation.statistics import single_experiment_interval
 from positioning.presentation.tones import is_control
@@ -206,7 +207,7 @@ def best_row(rows: Iterable[Row], entries: Mapping[str, Mapping[str, Any]]) -> s
     competing = [
         row
         for row in whole_rows(rows)
-        if not is_control(row.algorithm) and protocol(entries.get(row.algorithm, {})) != "resubstitution"
+        if not is_control(row.algorithm) and protocol_of(entries.get(row.algorithm, {})) != "resubstitution"
     ]
     return min(competing, key=lambda row: row.cells["mean_m"].rebuilt).algorithm if competing else None
 
@@ -221,21 +222,16 @@ def whole_rows(rows: Iterable[Row]) -> list[Row]:
     return [row for row in answering if row.samples * row.worlds >= LEAST_COVERAGE * most]
 
 
-def protocol(entry: Mapping[str, Any]) -> str:
-    """Return how a row is tested where the configuration says so, else nothing."""
-    return str(entry.get("options", entry).get("protocol", ""))
-
-
-def task(entry: Mapping[str, Any]) -> str:
-    """Return the task of a row; a plan that does not say it has fingerprinting alone."""
-    return str(entry.get("task", "fingerprinting"))
+def listed(names: Sequence[str]) -> str:
+    """Return names as a list in a sentence."""
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
 
 
 def by_task(rows: Iterable[Row], entries: Mapping[str, Mapping[str, Any]]) -> dict[str, list[Row]]:
     """Return rows by their task, in the order in which they stand: errors of tasks are not alike."""
     found: dict[str, list[Row]] = {}
     for row in rows:
-        found.setdefault(task(entries.get(row.algorithm, {})), []).append(row)
+        found.setdefault(task_of(entries.get(row.algorithm, {})), []).append(row)
     return found
 
 

@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 
 from positioning.evaluation.comparison import compare
 from positioning.evaluation.comparison_lines import StudyTables
-from positioning.evaluation.shipped import read_shipped
+from positioning.evaluation.entries import read_shipped
 from positioning.files import read_json, replacing, write_text
 from positioning.joblog import logging_to
 from positioning.presentation import comparison_figures, figures, tables

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from positioning.evaluation.shipped import new_rows, read_shipped
+from positioning.evaluation.entries import new_rows, read_shipped
 from positioning.files import read_json, read_yaml, write_text
 from positioning.joblog import logging_to
 from positioning.presentation import pages, tables

@@ -1,10 +1,20 @@
-"""Rows that the project ships, ``data/algorithms.csv``; every other row is somebody's own, and new."""
+"""What the entries of a study's rows tell: task and protocol, and which rows the project does not ship."""
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+
+
+def protocol_of(entry: Mapping[str, Any]) -> str:
+    """Return how a row is tested where the configuration says so, else nothing."""
+    return str(entry.get("options", entry).get("protocol", ""))
+
+
+def task_of(entry: Mapping[str, Any]) -> str:
+    """Return the task of a row; a plan that does not say it has fingerprinting alone."""
+    return str(entry.get("task", "fingerprinting"))
 
 
 def read_shipped(path: str | Path) -> set[tuple[str, str]]:
@@ -29,5 +39,4 @@ def new_rows(entries: Mapping[str, Mapping[str, Any]], shipped: set[tuple[str, s
     shipped
         Task and name of rows that are not new.
     """
-    tasks = {row: str(entry.get("task", "fingerprinting")) for row, entry in entries.items()}
-    return {row for row, task in tasks.items() if (task, row) not in shipped}
+    return {row for row, entry in entries.items() if (task_of(entry), row) not in shipped}
