@@ -100,11 +100,12 @@ def _ranks(task: Comparison, group: Group) -> Drawn | None:
         title=f"Mean ranks, {_place(task, group)}",
         caption=(
             f"{len(mean)} algorithms on the {len(rank)} data sets of {tables.listed(studies)} in which all of"
-            f" them answer at least {answered(LEAST_COVERAGE)} of the samples; ranks are of paired differences"
-            f" at common samples.{' ' * bool(few)}{few} Large marker: mean rank; small dots: ranks in single"
-            " data sets, larger where several agree. The bar reaches half of Nemenyi's critical difference"
-            f" ({2 * half:.2f} ranks) to either side: two algorithms differ at the 5 % level where their bars"
-            " do not overlap; the grey band is that of the best."
+            f" them answer at least {answered(LEAST_COVERAGE)} of the samples; ranks are of paired"
+            f" differences at common samples.{' ' * bool(few)}{few}"
+            " Large marker: mean rank; small dots: ranks in single data sets, larger where several agree."
+            f" The bar reaches half of Nemenyi's critical difference ({2 * half:.2f} ranks) to either side:"
+            " two algorithms differ at the 5 % level where their bars do not overlap;"
+            " the grey band is that of the best."
             f" Friedman's test: p = {probability(group.ranks.friedman_p)}."
             f" {dependent(group, group.ranks)}"
         ),
