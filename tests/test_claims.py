@@ -140,6 +140,31 @@ def test_both_ends_of_a_ratio_count() -> None:
     assert row["rebuilt"] == 0.5
 
 
+def test_outside_two_limits_is_the_rest_of_between_them() -> None:
+    data = measures(a=[1.0, 0.9, 0.8, 1.1, 1.2, 1.04], b=[1.0] * 6)
+    claim = {"kind": "ratio", "quantity": A, "to": B, "limit": "assumed"}
+    within = verdict({**claim, "at_least": "0.9", "at_most": "1.1"}, data)
+    outside = verdict({**claim, "outside": ["0.9", "1.1"]}, data)
+    assert (within["rebuilt"], outside["rebuilt"]) == pytest.approx((4 / 6, 2 / 6))
+
+
+@pytest.mark.parametrize(("x", "met"), [(0.94, True), (0.96, False), (1.04, False), (1.06, True)])
+def test_printed_limits_of_outside_stand_for_what_rounds_to_them(x: float, met: bool) -> None:
+    claim = {"kind": "bound", "quantity": A, "outside": ["0.9", "1.1"]}
+    assert verdict(claim, measures(a=[x] * 40))["rebuilt"] == met
+
+
+@pytest.mark.parametrize(("printed", "contradicts"), [("1.00", True), ("1.20", False)])
+def test_a_printed_number_between_the_limits_contradicts_a_claim_of_outside(
+    printed: str, contradicts: bool
+) -> None:
+    claim = {"kind": "bound", "quantity": A, "outside": ["0.9", "1.1"], "limit": "assumed"}
+    own = {**VALUE_A, "printed": printed}
+    row = verdict(claim, measures(a=[0.5] * 40), own)
+    assert (row["verdict"] == "contradicts itself") == contradicts
+    assert "outside 0.9 to 1.1 is claimed" in row["reason"]
+
+
 @pytest.mark.parametrize(("x", "expected"), [(1.03064, "exact"), (1.03066, "not reproduced")])
 def test_exact_means_every_printed_digit(x: float, expected: str) -> None:
     assert (

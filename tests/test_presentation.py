@@ -20,6 +20,7 @@ from positioning.evaluation.results import StudyResults, read_row_errors
 from positioning.files import read_yaml, write_errors, write_json, write_tree
 from positioning.presentation import figures, pages, recorded, tables
 from positioning.presentation.claim_lines import claim_line
+from positioning.presentation.study_figures import default_figures, draw
 from positioning.presentation.style import KNOWN, contrast, difference, drawing, stroke, strokes
 from positioning.presentation.svg import inline_svg
 from positioning.presentation.tones import PALETTES, TONES
@@ -455,7 +456,7 @@ def test_study_without_a_module_gets_common_figures(built):
         truth={"floor": {}},
         paper=read_yaml(arguments["paper"]),
     )
-    drawn = figures.draw(results)
+    drawn = draw(results)
     assert [item.name for item in drawn] == ["error_distribution", "mean_error"]
     assert all(f"n = {SAMPLES} samples in each of {WORLDS} worlds" in item.caption for item in drawn)
     assert all(item.alt for item in drawn)
@@ -500,7 +501,7 @@ def test_captions_name_rows_that_ran_in_fewer_worlds(built):
     kept = measures[(measures["algorithm"] != "wknn") | (measures["world"] > 9)]
     later = dataclasses.replace(results, measures=kept)
     assert figures.fewer_worlds(later, "floor") == {"wknn": f"{WORLDS - 10} of them"}
-    told = {item.name: item for item in figures.draw(results)}
+    told = {item.name: item for item in draw(results)}
     assert f"in each of {WORLDS} worlds (wknn in the first 10)" in told["fig3"].caption
     assert f"{WORLDS} worlds. {few}" in told["table1"].caption
     assert f"{WORLDS} worlds. On fewer worlds: wknn in the first 10." in told["paired"].caption
@@ -548,7 +549,7 @@ def test_real_recordings_have_a_panel_each(built, tmp_path):
         observed={name: {} for name in recordings},
         truth={},
     )
-    drawn = {item.name: item for item in figures.draw(results)}
+    drawn = {item.name: item for item in draw(results)}
     assert drawn.keys() == {"error_distribution", "mean_error"}
     for item in drawn.values():
         titles = [axes.get_title(loc="left") for axes in item.figure.axes]
@@ -687,9 +688,9 @@ def test_a_figure_of_single_recordings_speaks_of_no_interval(built):
         observed={"floor": {}},
         truth={},
     )
-    assert "single experiments" in figures.default_figures(results)[-1].caption
+    assert "single experiments" in default_figures(results)[-1].caption
     one = dataclasses.replace(results, measures=results.measures[results.measures["world"] == 0])
-    caption = figures.default_figures(one)[-1].caption
+    caption = default_figures(one)[-1].caption
     assert "single experiments" not in caption
     assert "world" not in caption
 

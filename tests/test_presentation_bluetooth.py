@@ -15,6 +15,7 @@ from positioning.evaluation.results import StudyResults, read_row_errors
 from positioning.evaluation.studies.bluetooth_robot import NEAREST_M
 from positioning.files import read_yaml, write_errors
 from positioning.presentation import figures
+from positioning.presentation.study_figures import draw
 from positioning.presentation.style import KNOWN, contrast, drawing
 from positioning.ranging import crossings
 from positioning.simulation import bluetooth_scenario
@@ -149,7 +150,7 @@ def robot(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def drawn(robot):
-    return {item.name: item for item in figures.draw(robot)}
+    return {item.name: item for item in draw(robot)}
 
 
 def kept(results, keep):
@@ -158,7 +159,7 @@ def kept(results, keep):
 
 
 def names(results):
-    return [item.name for item in figures.draw(results)]
+    return [item.name for item in draw(results)]
 
 
 def dots(axes, marker):
@@ -169,7 +170,7 @@ def dots(axes, marker):
 
 def test_all_figures_are_drawn_and_can_be_saved_twice_with_equal_bytes(robot, drawn, tmp_path):
     assert list(drawn) == ALL
-    again = [item for item in figures.draw(robot) if item.name in ("world", "fig3", "convergence")]
+    again = [item for item in draw(robot) if item.name in ("world", "fig3", "convergence")]
     saved = []
     for name, items in (("first", drawn.values()), ("second", again)):
         (tmp_path / name).mkdir()
@@ -270,7 +271,7 @@ def test_summary_counts_the_worlds_that_reach_the_printed_mean(robot, drawn):
     values = next(line.get_xdata() for label, line in lines.items() if "shadowing" in label)
     np.testing.assert_allclose(sorted(set(np.asarray(values)[1:])), [0.3, 0.4, 0.5, 0.6])
     unprinted = replace(robot, paper={})
-    found = {item.name: item for item in figures.draw(unprinted)}["summary"]
+    found = {item.name: item for item in draw(unprinted)}["summary"]
     assert "printed" not in found.caption
     assert "0.427" not in found.alt
 
@@ -336,7 +337,7 @@ def test_figures_of_what_was_left_out_are_left_out(robot):
     assert names(no_filter) == [name for name in ALL if name not in left]
     no_ranging = kept(robot, lambda m: m["algorithm"] != "curve_crossings")
     assert names(no_ranging) == [name for name in ALL if name != "table1"]
-    assert len({item.name: item for item in figures.draw(no_ranging)}["table2"].figure.axes) == 2
+    assert len({item.name: item for item in draw(no_ranging)}["table2"].figure.axes) == 2
     alone = kept(robot, lambda m: m["algorithm"].isin(["particle_filter", "particles"]))
     without = ("table1", "trilateration", "convergence", "sigma")
     assert names(alone) == [name for name in ALL if name not in without]
@@ -344,7 +345,7 @@ def test_figures_of_what_was_left_out_are_left_out(robot):
 
 def test_row_that_one_family_lacks_has_a_dot_in_the_other_alone(robot):
     some = kept(robot, lambda m: (m["algorithm"] != "particle_filter_product") | (m["family"] == "shadowing"))
-    found = {item.name: item for item in figures.draw(some)}
+    found = {item.name: item for item in draw(some)}
     shadowing, ambiguity = found["ablations"].figure.axes
     assert len(dots(shadowing, "o")) == len(dots(ambiguity, "o")) + 1
     assert list(found) == ALL
@@ -353,7 +354,7 @@ def test_row_that_one_family_lacks_has_a_dot_in_the_other_alone(robot):
 @pytest.mark.filterwarnings("error")
 def test_one_family_and_one_world_are_enough(robot):
     single = kept(robot, lambda m: (m["world"] == 0) & (m["family"] == "shadowing"))
-    found = {item.name: item for item in figures.draw(single)}
+    found = {item.name: item for item in draw(single)}
     assert list(found) == ALL
     for item in found.values():
         assert "ambiguity" not in item.caption + item.alt
@@ -394,7 +395,7 @@ def scenario(rows=SOLVED, paper=PAPER):
 
 
 def test_scenario_shows_circles_solutions_and_printed_points():
-    (item,) = figures.draw(scenario())
+    (item,) = draw(scenario())
     assert item.name == "fig4"
     whole, zoom = item.figure.axes
     radii = sorted(patch.radius for patch in whole.patches if hasattr(patch, "radius"))
@@ -416,7 +417,7 @@ def test_scenario_shows_circles_solutions_and_printed_points():
 
 
 def test_scenario_without_printed_points_or_rows_is_drawn():
-    (item,) = figures.draw(scenario({"iterative_absolute": (0.9, 0.9)}, {}))
+    (item,) = draw(scenario({"iterative_absolute": (0.9, 0.9)}, {}))
     labels = {line.get_label() for line in item.figure.axes[0].get_lines()}
     assert labels == {"beacon", "true place", "iterative_absolute"}
     assert "lies" not in item.caption
@@ -442,7 +443,7 @@ def test_recordings_keep_distances_apart_from_positions(tmp_path):
         observed={name: {} for name in recordings},
         truth={},
     )
-    found = {item.name: item for item in figures.draw(results)}
+    found = {item.name: item for item in draw(results)}
     assert list(found) == [
         *("error_distribution", "mean_error"),
         *("distance_error_distribution", "distance_mean_error"),

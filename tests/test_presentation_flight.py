@@ -16,10 +16,10 @@ from positioning.evaluation.results import StudyResults
 from positioning.evaluation.studies.sar_flight import LIMIT_M, SETTLED_S, measures
 from positioning.files import read_tree, read_yaml, write_tree
 from positioning.inertial.geodetic import to_geodetic
-from positioning.presentation import figures
 from positioning.presentation.studies.flight_real import TRACKS
 from positioning.presentation.studies.sar_flight import LENGTHS, NOISE_ROWS, _apart
 from positioning.presentation.studies.sar_flight_world import three_digits
+from positioning.presentation.study_figures import draw
 from positioning.presentation.style import KNOWN, contrast, difference, drawing
 
 PAPER = read_yaml(ROOT / "data/papers/robo_sar.yaml")
@@ -169,11 +169,11 @@ def study(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def drawn(study):
-    return {item.name: item for item in figures.draw(study)}
+    return {item.name: item for item in draw(study)}
 
 
 def names(results):
-    return [item.name for item in figures.draw(results)]
+    return [item.name for item in draw(results)]
 
 
 def kept(results, condition):
@@ -285,7 +285,7 @@ def test_an_outage_that_begins_elsewhere_is_drawn_from_its_own_begin(study):
     for side in moved.values():
         side["recording.gps_outage_s"] = side["recording.gps_outage_s"] - [[0.0], [0.0], [5.0]]
         side["recording.time_s"] = side["recording.time_s"] - [[0.0], [0.0], [5.0]]
-    found = {item.name: item for item in figures.draw(replace(study, observed=moved))}
+    found = {item.name: item for item in draw(replace(study, observed=moved))}
     curve, _ = lines_of(found["outage"].figure.axes[0], "slam")
     assert curve.get_ydata()[-1] == pytest.approx(1.1)
     at_end = curve.get_ydata()[curve.get_xdata() == END_S - BEGIN_S]
@@ -405,7 +405,7 @@ def test_the_mean_lag_is_told_with_its_interval(study, drawn):
         assert f"0.110 s ({0.11 - half_s:.3f} to {0.11 + half_s:.3f}) at 0.01, " in text
         assert f", 0.000 s ({minus}{half_s:.3f} to {half_s:.3f}) at 1, " in text
         assert f", {minus}0.190 s ({minus}{0.19 + half_s:.3f} to {minus}{0.19 - half_s:.3f}) at 100." in text
-    unknown = {item.name: item for item in figures.draw(kept(study, lambda m: m["metric"] != "gps_lag_s"))}
+    unknown = {item.name: item for item in draw(kept(study, lambda m: m["metric"] != "gps_lag_s"))}
     assert "lag" not in unknown["noise"].caption
 
 
@@ -422,7 +422,7 @@ def test_a_sweep_takes_from_the_table_what_it_need_not_run_again(study):
             & ~((m["algorithm"] == "noise_gps") & (m["value"] == 1))
         ),
     )
-    found = {item.name: item for item in figures.draw(part)}
+    found = {item.name: item for item in draw(part)}
     mean, _ = found["outage_length"].figure.axes
     inside = (TIME_S > BEGIN_S) & (TIME_S <= END_S)
     for row, _ in LENGTHS.values():
@@ -503,7 +503,7 @@ def test_one_family_and_one_world_are_enough(study, tmp_path):
         estimate_files=tuple(paths),
         paper={},
     )
-    found = {item.name: item for item in figures.draw(single)}
+    found = {item.name: item for item in draw(single)}
     assert list(found) == [name for name in ALL if name != "weak"]
     for item in found.values():
         assert "single experiments" not in item.caption
@@ -578,7 +578,7 @@ def real(tmp_path_factory):
 
 
 def test_the_rover_is_drawn_with_its_gps_and_its_outage(real):
-    found = {item.name: item for item in figures.draw(real)}
+    found = {item.name: item for item in draw(real)}
     assert list(found) == ROVER_REAL
     for item in found.values():
         assert "n = " in item.caption
@@ -599,7 +599,7 @@ def test_the_rover_is_drawn_with_its_gps_and_its_outage(real):
 
 
 def test_errors_of_the_rover_over_time_and_in_the_outage(real):
-    found = {item.name: item for item in figures.draw(real)}
+    found = {item.name: item for item in draw(real)}
     panels = found["errors"].figure.axes
     assert [axes.get_title(loc="left") for axes in panels[:3]] == [
         "rover: GPS throughout",
@@ -628,12 +628,12 @@ def test_the_page_of_the_rover_tells_how_large_the_innovations_are(real):
     def caption(*nis):
         lines = [("rover", row, np.nan, 0, "nis_gps", x) for row, x in zip(TRACKS, nis, strict=True)]
         measured = pd.concat([real.measures, pd.DataFrame(lines, columns=MEASURES)], ignore_index=True)
-        return next(d for d in figures.draw(replace(real, measures=measured)) if d.name == "errors").caption
+        return next(d for d in draw(replace(real, measures=measured)) if d.name == "errors").caption
 
     assert "gps_inertial 1.5, gps_inertial_15 0.04" in caption(1.5, 0.04)
     assert "too large for this receiver, by a factor of about 5 if" in caption(1.5, 0.04)
     assert "too large" not in caption(1.5, 0.9)
-    assert "innovation" not in next(d for d in figures.draw(real) if d.name == "errors").caption
+    assert "innovation" not in next(d for d in draw(real) if d.name == "errors").caption
 
 
 def test_the_page_of_the_rover_puts_filters_beside_the_gps_that_they_use(real):
@@ -641,7 +641,7 @@ def test_the_page_of_the_rover_puts_filters_beside_the_gps_that_they_use(real):
         gps_s = {"recording.gps_time_s": np.arange(60.0)[None]}
         observed = {family: arrays | gps_s for family, arrays in real.observed.items()}
         return next(
-            d for d in figures.draw(replace(real, rows=rows, observed=observed)) if d.name == "errors"
+            d for d in draw(replace(real, rows=rows, observed=observed)) if d.name == "errors"
         ).caption
 
     words = "readings of GPS are 0.50 m off on the mean, gps_inertial 3.00 m"
@@ -653,7 +653,7 @@ def test_a_rover_without_estimates_outages_or_rows_is_enough(real):
     assert names(replace(real, estimate_files=())) == []
     whole = replace(kept(real, lambda m: m["family"] == "rover"), observed={"rover": real.observed["rover"]})
     assert names(whole) == ["track", "errors"]
-    assert "1.00 m off on the mean" in figures.draw(whole)[0].alt
+    assert "1.00 m off on the mean" in draw(whole)[0].alt
     alone = replace(real, rows=("inertial", "control_centre"))
     assert names(alone) == ["errors", "outage"]
     assert names(replace(real, rows=("control_centre",))) == []

@@ -13,8 +13,8 @@ import yaml
 from positioning.evaluation.measures import MEASURES, measure
 from positioning.evaluation.results import StudyResults
 from positioning.files import read_yaml, write_errors, write_tree
-from positioning.presentation import figures
 from positioning.presentation.studies.foot_wlan import Printed
+from positioning.presentation.study_figures import draw
 from positioning.presentation.style import KNOWN, contrast, difference, drawing, markers_apart
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -165,11 +165,11 @@ def study(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def drawn(study):
-    return {item.name: item for item in figures.draw(study)}
+    return {item.name: item for item in draw(study)}
 
 
 def names(results):
-    return [item.name for item in figures.draw(results)]
+    return [item.name for item in draw(results)]
 
 
 def kept(results, condition):
@@ -311,7 +311,7 @@ def test_weights_mark_the_values_that_rows_have(study, drawn):
     assert marked(first) == {"--": 3.0, ":": 8.0}
     assert marked(second) == {"--": 0.1}
     without = kept(study, lambda m: m["algorithm"] != "cascaded_tuned")
-    found = {item.name: item for item in figures.draw(without)}
+    found = {item.name: item for item in draw(without)}
     assert marked(found["weights"].figure.axes[0]) == {"--": 3.0}
 
 
@@ -387,7 +387,7 @@ def test_what_was_left_out_has_no_figure(study):
 def test_one_world_without_printed_numbers_is_enough(study):
     single = kept(study, lambda m: m["world"] == 0)
     files = tuple(p for p in study.error_files)
-    found = {item.name: item for item in figures.draw(replace(single, paper={}, error_files=files))}
+    found = {item.name: item for item in draw(replace(single, paper={}, error_files=files))}
     assert list(found) == [n for n in ALL if n != "shares"]
     for item in found.values():
         assert not re.search(r"\bnan\b", item.caption + item.alt), item.name
@@ -450,7 +450,7 @@ def real(tmp_path_factory):
 
 
 def test_no_recording_is_left_out(real):
-    found = {item.name: item for item in figures.draw(real)}
+    found = {item.name: item for item in draw(real)}
     assert list(found) == ["errors", "tracks", "fingerprints"]
     assert row_labels(found["errors"].figure.axes[0]) == list(RECORDINGS[:6])
     assert row_labels(found["fingerprints"].figure.axes[0]) == ["library_1", "library_2"]
@@ -474,7 +474,7 @@ def test_no_recording_is_left_out(real):
 
 
 def test_tracks_are_chosen_by_the_truth_alone(real):
-    tracks = next(item for item in figures.draw(real) if item.name == "tracks")
+    tracks = next(item for item in draw(real) if item.name == "tracks")
     panels = tracks.figure.axes
     chosen = [axes.get_title(loc="left").split("\n")[0] for axes in panels]
     assert chosen == ["mocap_c", "mocap_b", "corridor_2", "loop"]

@@ -16,8 +16,8 @@ from positioning.evaluation.studies.graph_slam import located_error_m
 from positioning.files import read_yaml, write_errors, write_tree
 from positioning.geometry import rotated
 from positioning.posegraph.similarity import rss_distance_db
-from positioning.presentation import figures
 from positioning.presentation.studies.graph_slam_radio import BIN_M, LEAST_PAIRS, running_median
+from positioning.presentation.study_figures import draw
 from positioning.presentation.style import KNOWN, contrast, difference, drawing
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -202,7 +202,7 @@ def chain(tmp_path_factory):
 
 
 def by_name(results):
-    return {item.name: item for item in figures.draw(results)}
+    return {item.name: item for item in draw(results)}
 
 
 @pytest.fixture(scope="module")
@@ -500,8 +500,9 @@ def test_one_family_is_enough(study, family):
     sides = ({f: side[f] for f in side if f == family} for side in (study.observed, study.truth))
     single = kept(study, lambda m: m["family"] == family)
     found = by_name(replace(single, observed=next(sides), truth=next(sides)))
-    expected = [name for name in ALL if name != "fig4"] if family == "walks" else ["fig1", "fig4", "printed"]
-    assert list(found) == expected
+    others = [f"sweep_{sweep}" for sweep in SWEEPS]
+    lines = ["fig1", "fig4", "printed", *others]
+    assert list(found) == (lines if family == "lines" else [name for name in ALL if name != "fig4"])
     assert not any(f"family {other}" in item.caption for item in found.values())
 
 

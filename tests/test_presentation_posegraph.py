@@ -12,6 +12,7 @@ from positioning.evaluation.results import StudyResults
 from positioning.files import read_tree, write_tree
 from positioning.geometry import rotated
 from positioning.presentation import figures
+from positioning.presentation.study_figures import draw
 from positioning.presentation.style import drawing, stroke
 
 COSTS = {"dead_reckoning": 123456.0, "levenberg_marquardt": 215.84, "robust_cauchy": 386.6}
@@ -79,7 +80,7 @@ def lines_of(item: figures.Drawn) -> dict[str, list[np.ndarray]]:
 
 @pytest.mark.filterwarnings("error")
 def test_every_row_that_ran_has_a_panel_with_its_answer(results: StudyResults) -> None:
-    found = {item.name: item for item in figures.draw(results)}
+    found = {item.name: item for item in draw(results)}
     assert list(found) == NAMES
     blind = lines_of(found["trajectories_blind"])
     assert list(blind) == list(COSTS)
@@ -97,7 +98,7 @@ def test_every_row_that_ran_has_a_panel_with_its_answer(results: StudyResults) -
 
 
 def test_answers_are_laid_on_the_truth_where_it_is_known(results: StudyResults) -> None:
-    found = {item.name: item for item in figures.draw(results)}
+    found = {item.name: item for item in draw(results)}
     seen = lines_of(found["trajectories_seen"])
     for place, (row, drawn) in enumerate(seen.items()):
         assert len(drawn) == 2
@@ -108,7 +109,7 @@ def test_answers_are_laid_on_the_truth_where_it_is_known(results: StudyResults) 
 
 
 def test_costs_are_drawn_and_written_with_steps_and_known_errors(results: StudyResults) -> None:
-    item = figures.draw(results)[-1]
+    item = draw(results)[-1]
     blind, seen = item.figure.axes
     for axes, known in ((blind, False), (seen, True)):
         assert axes.get_xscale() == "log"
@@ -130,7 +131,7 @@ def test_searches_that_did_not_end_by_themselves_are_hollow_and_told(results: St
             if "dead_reckoning" not in path:
                 step["estimate.extra_converged"] = np.array(["robust" not in path or family == "seen/0"])
         write_tree(path, tree)
-    found = {item.name: item for item in figures.draw(results)}
+    found = {item.name: item for item in draw(results)}
     item = found["costs"]
     blind, seen = item.figure.axes
     for axes, hollow in ((blind, ["robust_cauchy"]), (seen, [])):
@@ -157,17 +158,17 @@ def test_a_peer_that_ran_is_drawn_and_one_row_is_enough(results: StudyResults, t
         measures=pd.concat([results.measures, own[own["family"] == "blind"]]),
         estimate_files=(*results.estimate_files, str(path)),
     )
-    found = {item.name: item for item in figures.draw(peer)}
+    found = {item.name: item for item in draw(peer)}
     assert list(lines_of(found["trajectories_blind"])) == [*COSTS, "gtsam_levenberg_marquardt"]
     assert list(lines_of(found["trajectories_seen"])) == list(COSTS)
     alone = replace(results, measures=results.measures[results.measures["algorithm"] == "dead_reckoning"])
-    assert [item.name for item in figures.draw(alone)] == NAMES
+    assert [item.name for item in draw(alone)] == NAMES
     nothing = replace(results, measures=results.measures.iloc[:0])
-    assert figures.draw(nothing) == []
+    assert draw(nothing) == []
 
 
 def test_each_answer_has_the_colour_of_its_row(results: StudyResults) -> None:
-    item = figures.draw(results)[0]
+    item = draw(results)[0]
     with drawing(results.rows):
         expected = [stroke(row).color for row in COSTS]
     panels = [axes for axes in item.figure.axes if axes.get_visible()]

@@ -13,7 +13,7 @@ from algorithms.access_points.fast_orthogonal_search import FastOrthogonalSearch
 from positioning.evaluation.measures import MEASURES, measure
 from positioning.evaluation.results import StudyResults
 from positioning.files import read_yaml, write_errors, write_tree
-from positioning.presentation import figures
+from positioning.presentation.study_figures import draw
 from positioning.presentation.style import KNOWN, contrast, drawing
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -147,11 +147,11 @@ def study(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def drawn(study):
-    return {item.name: item for item in figures.draw(study)}
+    return {item.name: item for item in draw(study)}
 
 
 def names(results):
-    return [item.name for item in figures.draw(results)]
+    return [item.name for item in draw(results)]
 
 
 def kept(results, condition):
@@ -232,7 +232,7 @@ def test_tracks_that_leave_the_floor_stay_in_the_plan(study):
     far = {**study.truth["fresh"]}
     far["truth.path_m"] = far["truth.path_m"] - 20
     far["truth.position_m"] = far["truth.position_m"] - 20
-    moved = {item.name: item for item in figures.draw(replace(study, truth={**study.truth, "fresh": far}))}
+    moved = {item.name: item for item in draw(replace(study, truth={**study.truth, "fresh": far}))}
     (axes,) = moved["fig4"].figure.axes
     track_m = line(axes, "RISS alone").get_xydata()
     assert axes.get_xlim()[1] > track_m[:, 0].max()
@@ -319,7 +319,7 @@ def test_filters_and_their_paired_differences(drawn):
 
 def test_differences_are_taken_on_common_worlds(study):
     some = kept(study, lambda m: (m["algorithm"] != "plain") | (m["world"] == 2))
-    found = {item.name: item for item in figures.draw(some)}
+    found = {item.name: item for item in draw(some)}
     np.testing.assert_allclose(dots(found["paired"].figure.axes[0], "o")[0, 0], -0.5)
 
 
@@ -357,7 +357,7 @@ def test_what_was_left_out_has_no_figure(study):
 @pytest.mark.filterwarnings("error")
 def test_one_family_and_one_world_without_printed_numbers_are_enough(study):
     single = kept(study, lambda m: (m["world"] == 0) & (m["family"] == "fresh"))
-    found = {item.name: item for item in figures.draw(replace(single, paper={}))}
+    found = {item.name: item for item in draw(replace(single, paper={}))}
     assert list(found) == ALL
     for item in found.values():
         assert "aged" not in item.caption + item.alt

@@ -112,10 +112,10 @@ def test_rows_of_one_algorithm_in_two_tasks_are_no_variants() -> None:
 
 def test_sweeps_tell_what_stays_fixed_and_where_they_are_drawn() -> None:
     full = entry("knn", parameters={"k": 1, "p": 2}, over=["k", [1.0, 2.0]], worlds=3)
-    first, second = sweep_lines({"k_sweep": full, "short": ["k", [1.0, 4.0, 10.0]]}, ["k_sweep"])
+    first, second = sweep_lines({"k_sweep": full, "short": ["k", [1.0, 4.0, 10.0]]}, {"k_sweep": "fig2"})
     assert (first["use"], first["setting"], first["over"], first["count"]) == ("knn", "k", "1, 2", 2)
     assert first["fixed"] == "p = 2; only on 3 worlds"
-    assert (first["figure"], second["figure"]) == ("k_sweep", "")
+    assert (first["figure"], second["figure"]) == ("fig2", "")
     assert (second["over"], second["fixed"]) == ("1, 4, 10", "")
 
 

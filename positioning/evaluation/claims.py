@@ -8,8 +8,8 @@ value    a number (also a share): ``reproduced`` where the printed digits lie in
          of single experiments over the worlds, else ``not reproduced`` with the distance
 ordering the quantities ascend in the order listed; smallest: a quantity is smaller than each of
          ``than``; ratio and bound: a quantity (or its ratio to another) keeps to ``at_least`` /
-         ``at_most``. The share of worlds in which that is so decides: ``holds`` from 95 %, ``fails``
-         to 5 %, else ``depends``. A tie is no ascent.
+         ``at_most``, or is ``outside`` two limits. The share of worlds in which that is so decides:
+         ``holds`` from 95 %, ``fails`` to 5 %, else ``depends``. A tie is no ascent.
 exact    a deterministic scenario: ``exact`` where the rebuilt number has the printed digits
 none     the paper gives no number: the rebuilt one is reported, ``none given``
 words    nothing that a study here can measure: ``not testable``, with the reason
@@ -319,8 +319,14 @@ def _possible(claim: Mapping[str, Any], low: NDArray[np.float64], high: NDArray[
     smallest, largest = (
         (low[0] / high[1], high[0] / low[1]) if claim["kind"] == "ratio" else (low[0], high[0])
     )
-    at_least, at_most = claim.get("at_least"), claim.get("at_most")
     exact = claim.get("limit") in ("assumed", "exact")
+    if "outside" in claim:
+        below, above = claim["outside"]
+        return bool(
+            smallest < float(below) + (0 if exact else _half_unit(below))
+            or largest > float(above) - (0 if exact else _half_unit(above))
+        )
+    at_least, at_most = claim.get("at_least"), claim.get("at_most")
     return (at_least is None or largest >= float(at_least) - (0 if exact else _half_unit(at_least))) and (
         at_most is None or smallest <= float(at_most) + (0 if exact else _half_unit(at_most))
     )
@@ -332,7 +338,7 @@ def _arithmetic(claim: Mapping[str, Any], printed: Sequence[str]) -> str:
         for key, word in (("at_least", "at least"), ("at_most", "at most"))
         if key in claim
     ]
-    wanted = " and ".join(limits)
+    wanted = f"outside {' to '.join(claim['outside'])}" if "outside" in claim else " and ".join(limits)
     if claim["kind"] == "ordering":
         return ", ".join(printed) + " (ascending is claimed)"
     if claim["kind"] == "smallest":

@@ -1,11 +1,9 @@
-"""Figures of a study: a study's own set where it has one, otherwise the same two kinds for every study."""
+"""What figures of studies are made of: a drawing with its words, panels that many studies have, files."""
 
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +45,8 @@ class Drawn:
         What is shown, over how many samples and worlds.
     alt
         What a reader who cannot see it needs to know.
+    sweeps
+        Sweeps that it shows.
     """
 
     name: str
@@ -54,22 +54,7 @@ class Drawn:
     title: str
     caption: str
     alt: str
-
-
-def draw(results: StudyResults) -> list[Drawn]:
-    """Return the figures of a study, in the order in which they are shown.
-
-    Parameters
-    ----------
-    results
-        What the workflow made of the study.
-    """
-    with drawing(results.rows):
-        module = f"{__package__}.studies.{results.study}"
-        if find_spec(module) is not None:
-            drawn: list[Drawn] = import_module(module).draw(results)
-            return drawn
-        return default_figures(results)
+    sweeps: tuple[str, ...] = ()
 
 
 def save(drawn: Iterable[Drawn], folder: str | Path) -> None:
@@ -81,7 +66,7 @@ def save(drawn: Iterable[Drawn], folder: str | Path) -> None:
     Parameters
     ----------
     drawn
-        Figures as `draw` returns them.
+        Figures as `positioning.presentation.study_figures.draw` returns them.
     folder
         Where they go; it exists.
     """
@@ -93,57 +78,15 @@ def save(drawn: Iterable[Drawn], folder: str | Path) -> None:
             pdf = svg_to_pdf(letters, item.title)
             (Path(folder) / f"{item.name}.pdf").write_bytes(pdf)
             captions.append(
-                {"name": item.name, "title": item.title, "caption": item.caption, "alt": item.alt}
+                {
+                    "name": item.name,
+                    "title": item.title,
+                    "caption": item.caption,
+                    "alt": item.alt,
+                    "sweeps": item.sweeps,
+                }
             )
     write_text(Path(folder) / "captions.json", json.dumps(captions, indent=2, ensure_ascii=False) + "\n")
-
-
-def default_figures(results: StudyResults) -> list[Drawn]:
-    """Return an error distribution for every family, and the mean errors with their intervals."""
-    drawn = []
-    families = measured_families(results)
-    for family in families:
-        figure = new_figure(4.2)
-        axes = figure.subplots()
-        rows = measured_rows(results, family)
-        distribution(axes, results, family, rows)
-        legend_beside(axes)
-        drawn.append(
-            Drawn(
-                name="error_distribution" if len(families) == 1 else f"error_distribution_{family}",
-                figure=figure,
-                title=f"Error distribution, {family}",
-                caption="Share of position errors up to a given size, all samples pooled:"
-                f" {counted(results, family)}.{differ(results, [family])}",
-                alt=distribution_alt(results, family, rows),
-            )
-        )
-    figure = new_figure(0.6 + sum(0.5 + 0.26 * len(measured_rows(results, f)) for f in families))
-    panels = np.atleast_1d(
-        figure.subplots(
-            len(families), 1, height_ratios=[2 + len(measured_rows(results, f)) for f in families]
-        )
-    )
-    for axes, family in zip(panels, families, strict=True):
-        rows = measured_rows(results, family)
-        bars(axes, results, family, rows)
-        axes.set_title(family)
-    drawn.append(
-        Drawn(
-            name="mean_error",
-            figure=figure,
-            title="Mean error",
-            caption=(
-                "Mean position error; the line is where single experiments lie. "
-                if any(len(per_world(results, f, row)) > 1 for f in families for row in results.rows)
-                else "Mean position error. "
-            )
-            + "; ".join(f"{family}: {counted(results, family)}" for family in families)
-            + f".{differ(results, families)}",
-            alt="; ".join(means_alt(results, family, measured_rows(results, family)) for family in families),
-        )
-    )
-    return drawn
 
 
 def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:

@@ -57,6 +57,7 @@ class Picture:
     title: str
     caption: str
     svg: Markup
+    sweeps: tuple[str, ...] = ()
 
     @property
     def heading(self) -> str:
@@ -133,7 +134,7 @@ def read_pictures(folder: str | Path, study: str, only: str = "") -> list[Pictur
             raise InputError(f"figure {line['name']}", "its alt text is empty", "Say in words what it shows")
         text = (Path(folder) / f"{line['name']}.svg").read_text(encoding="utf-8")
         svg = Markup(inline_svg(text, f"{study}-{line['name']}", line["alt"]))
-        pictures.append(Picture(line["name"], line["title"], line["caption"], svg))
+        pictures.append(Picture(line["name"], line["title"], line["caption"], svg, tuple(line["sweeps"])))
     return pictures
 
 
@@ -178,7 +179,10 @@ def study_page(report: Report) -> str:
             seconds=_seconds_by_rule(report.manifest),
             build=build_lines(report.manifest),
             sources=_sources(report),
-            sweeps=sweep_lines(report.plan["sweeps"], [picture.name for picture in report.pictures]),
+            sweeps=sweep_lines(
+                report.plan["sweeps"],
+                {sweep: picture.name for picture in report.pictures for sweep in picture.sweeps},
+            ),
             coded=coded,
             breakable=breakable,
             worlds=worlds_in_words(report.plan),

@@ -151,7 +151,7 @@ def row_lines(entries: Entries) -> list[dict[str, Any]]:
     return lines
 
 
-def sweep_lines(sweeps: Entries, figures: Sequence[str] = ()) -> list[dict[str, Any]]:
+def sweep_lines(sweeps: Entries, figures: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
     """Return each sweep: which algorithm, which setting, the values tried, what stayed fixed.
 
     Parameters
@@ -159,7 +159,7 @@ def sweep_lines(sweeps: Entries, figures: Sequence[str] = ()) -> list[dict[str, 
     sweeps
         Of the plan; one may give all settings of its row, or setting and values alone.
     figures
-        Names of the figures of the page; a sweep may have one of its own.
+        The figure of the page that shows a sweep, by its name.
     """
     lines = []
     for name, sweep in sweeps.items():
@@ -174,7 +174,7 @@ def sweep_lines(sweeps: Entries, figures: Sequence[str] = ()) -> list[dict[str, 
                 "over": as_text(values),
                 "count": len(values),
                 "fixed": "; ".join(part for part in [pairs(fixed), _where(row)] if part),
-                "figure": name if name in figures else "",
+                "figure": (figures or {}).get(name, ""),
             }
         )
     return lines

@@ -11,7 +11,7 @@ import pandas as pd
 from positioning.evaluation.results import StudyResults
 from positioning.files import read_tree, read_yaml
 from positioning.joblog import logging_to
-from positioning.presentation import figures
+from positioning.presentation import figures, study_figures
 
 
 def main(
@@ -43,7 +43,7 @@ def main(
     temporary = target.with_name(f".tmp-{os.getpid()}-{target.name}")
     temporary.mkdir(parents=True)
     try:
-        figures.save(figures.draw(results), temporary)
+        figures.save(study_figures.draw(results), temporary)
         shutil.rmtree(target, ignore_errors=True)
         temporary.replace(target)
     finally:

@@ -4,14 +4,13 @@ See Raghavan et al., Figures 1 to 3 and 5, Tables I and II.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import MaxNLocator, NullLocator
+from matplotlib.ticker import MaxNLocator
 
 from positioning.evaluation.results import StudyResults
 from positioning.evaluation.studies.bluetooth_robot import NEAREST_M
@@ -19,6 +18,7 @@ from positioning.presentation import figures
 from positioning.presentation.families import Study
 from positioning.presentation.figures import Drawn
 from positioning.presentation.style import GREY, stroke
+from positioning.presentation.sweep_figures import sweep_figure
 from positioning.presentation.tables import NOTHING, central, decimals
 from positioning.ranging import crossings
 
@@ -495,54 +495,21 @@ def _convergence(study: Study) -> Drawn | None:
             for line, step in enumerate(steps)
         )
         + f".{total}",
+        sweeps=("step",),
     )
 
 
 def _particles(study: Study) -> Drawn | None:
-    return _sweep(study, "particles", "particles", "Number of particles", logarithmic=True)
+    return _sweep(study, "particles", "particles", "Number of particles")
 
 
 def _sigma(study: Study) -> Drawn | None:
     return _sweep(study, "sigma", "sigma of the likelihood (m)", "Width of the likelihood")
 
 
-def _sweep(study: Study, name: str, label: str, title: str, logarithmic: bool = False) -> Drawn | None:
-    own = study.results.measures
-    present = set(own.loc[own["algorithm"] == name, "family"])
-    families = [family for family in study.families if family in present]
-    if name not in study.results.sweeps or not families:
-        return None
-    figure = figures.new_figure(3.3)
-    axes = figure.subplots()
-    told = []
-    for family in families:
-        observed = {family: study.results.observed[family]}
-        line, look = figures.curve(replace(study.results, observed=observed), name), study.look(family)
-        if line.worlds > 1:
-            axes.fill_between(line.values, line.low_m, line.high_m, color=look.color, alpha=0.14, linewidth=0)
-            # Bands that lie on each other are one grey in print: their ends tell them apart.
-            for end_m in (line.low_m, line.high_m):
-                axes.plot(line.values, end_m, look.line, color=look.color, linewidth=0.7)
-        axes.plot(line.values, line.mean_m, look.marker + look.line, color=look.color, label=family)
-        numbers = ", ".join(f"{m:.2f} m at {v:g}" for v, m in zip(line.values, line.mean_m, strict=True))
-        told.append(f"{family}: {numbers}; smallest at {line.best:g}")
-        axes.set_xticks(line.values, [f"{value:g}" for value in line.values])
-    if logarithmic:
-        axes.set_xscale("log")
-        axes.set_xticks(line.values, [f"{value:g}" for value in line.values])
-        axes.xaxis.set_minor_locator(NullLocator())
-    axes.set_ylim(bottom=0)
-    axes.set_xlabel(label)
-    axes.set_ylabel("mean position error (m)")
-    _legend_above(figure, *axes.get_legend_handles_labels())
-    return Drawn(
-        name=name,
-        figure=figure,
-        title=title,
-        caption=f"Mean error of {FILTER} over n = {line.worlds} worlds of each family against {label}; bands:"
-        f" {central(line.worlds)}. The paper does not print this setting. " + ". ".join(told) + ".",
-        alt=f"Mean error against {label}. " + ". ".join(told) + ".",
-    )
+def _sweep(study: Study, name: str, label: str, title: str) -> Drawn | None:
+    note = f"It is that of {FILTER}; the paper does not print this setting."
+    return sweep_figure(study, name, name, label=label, title=title, note=note)
 
 
 def _distributions(study: Study) -> Drawn | None:

@@ -52,6 +52,7 @@ SWEEPS = {
         "spread (dB)",
         "Local network: spread",
     ),
+    "wknn_k": Sweep("wknn_k", "wknn", "", "neighbours k", "Weighted k nearest neighbours: k"),
     "knn_k": Sweep("knn_k", "knn", "fig2.knn.k", "neighbours k", "k nearest neighbours: k"),
 }
 """The sweeps in the order of the figures. The paper names no best number of training samples; a sweep
@@ -151,6 +152,7 @@ def _sweep(results: StudyResults, family: str, name: str) -> Drawn:
         alt=f"Mean error against {sweep.label}: "
         + ", ".join(f"{m:.2f} m at {v:g}" for v, m in zip(line.values, line.mean_m, strict=True))
         + (f". The paper's optimum is {optimum}." if optimum else "."),
+        sweeps=(name,),
     )
 
 

@@ -81,6 +81,7 @@ def density(study: Study) -> Drawn | None:
         f" many-th, {_sweep_counted(study, curves)}. The paper names 2.5 and 5 m and prints means for one of"
         f" them only. {CALIBRATED}",
         alt=f"Mean error against the {label}. {'. '.join(told)}.",
+        sweeps=tuple(curve.name for curve in curves),
     )
 
 
@@ -126,6 +127,7 @@ def weights(study: Study) -> Drawn | None:
         + (f" Dotted: that of {TUNED}, the best of a sweep on other worlds." if TUNED in found else "")
         + f" {CALIBRATED}",
         alt=f"Mean error against weights. {'. '.join(told)}.",
+        sweeps=tuple(curve.name for curve in curves),
     )
 
 
@@ -156,6 +158,7 @@ def start_heading(study: Study) -> Drawn | None:
         " degrees."
         f" {CALIBRATED}",
         alt=f"Mean error of {FUSED} against the error of the noted heading. {told}.",
+        sweeps=(START,),
     )
 
 

@@ -158,6 +158,7 @@ def weight(study: Study) -> Drawn | None:
         " other. These worlds judge nothing else; they are assumed.",
         alt=f"Mean landmark error against the weight of WiFi edges, {tried} settings. {'. '.join(told)}."
         + verdict,
+        sweeps=tuple(name for name, _ in curves),
     )
 
 
@@ -238,6 +239,7 @@ def _setting(study: Study, name: str, sweep: Sweep) -> Drawn | None:
         caption=f"Errors at landmarks after alignment and graph SLAM, {_counted(study, family, worlds)}."
         f" {sweep.note} Other settings, the weight of WiFi edges among them, are assumed.",
         alt=f"Landmark errors against {sweep.label}. {'. '.join(told)}.",
+        sweeps=(name,),
     )
 
 

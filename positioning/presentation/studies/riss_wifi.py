@@ -367,6 +367,7 @@ def _sweeps(
         caption=f"Root mean square error at the way-points, mean over {count} of each family{bars};"
         f" {_waypoints(study)}. {note}",
         alt=f"Root mean square error against {label}. {'. '.join(told)}.",
+        sweeps=tuple(sweeps),
     )
 
 

@@ -219,6 +219,7 @@ def _outage_length(study: Study) -> Drawn | None:
         caption=f"Mean and largest horizontal error in an outage from the same begin, mean over worlds of"
         f" family {family}{_bars(worlds)}. {_counted(worlds)} {ASSUMED} {NO_RESULT}",
         alt=f"Errors against the length of the outage. Largest error, {'; '.join(told)}.",
+        sweeps=tuple(present),
     )
 
 
@@ -270,6 +271,7 @@ def _noise(study: Study) -> Drawn | None:
         f" {family}{_bars(worlds)}. {_counted(worlds)} Section 3 raises Q until the filter is"
         f" stable. {'; '.join(told)}. {ASSUMED} {NO_RESULT}",
         alt=f"{len(present)} panels against the factor on Q. {'; '.join(told)}.",
+        sweeps=(NOISE,),
     )
 
 
