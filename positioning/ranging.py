@@ -14,6 +14,9 @@ Array = NDArray[np.float64]
 LEAST_BEACONS = 3
 """Distances to fewer beacons do not tell a place in the plane."""
 
+MANY = 1e6
+"""Of so many combinations an error tells the power of ten."""
+
 
 def crossings(curve_distance_m: ArrayLike, curve_dbm: ArrayLike, rss_dbm: ArrayLike) -> Array:
     """Return all distances at which a piecewise linear curve has each level.
@@ -150,9 +153,10 @@ def combinations(range_m: ArrayLike, *, limit: int = 10_000) -> tuple[Array, NDA
     # As floating-point numbers, because many beacons overflow whole ones before the limit is compared.
     most = np.where(usable, np.prod(choices, axis=-1, dtype=np.float64), 0.0).max(initial=0.0)
     if most > limit:
+        told = f"{most:.0f}" if most < MANY else f"more than 10^{int(np.log10(most))}"
         raise TooManyCombinations(
             "range_m",
-            f"a sample has {most:.5g} combinations of candidate distances, at most {limit} are allowed",
+            f"a sample has {told} combinations of candidate distances, at most {limit} are allowed",
             "Use the ranging path_loss, which has one candidate, or a smoother curve",
         )
     total = np.where(usable, np.prod(choices, axis=-1), 0)

@@ -462,6 +462,48 @@ def test_study_without_a_module_gets_common_figures(built):
     assert all(item.alt for item in drawn)
 
 
+def tall(in_of: dict[str, float]):
+    return figures.parts(list(in_of), lambda some: 1.0 + sum(in_of[family] for family in some))
+
+
+def test_figures_too_tall_for_a_page_are_divided():
+    whole = tall({"a": 3.0, "b": 3.0})
+    assert whole == [figures.Part("", "", ["a", "b"])]
+    assert tall({}) == []
+    limit_in = figures.TALLEST_IN
+    # A single one may be too tall; those at the limit still fit.
+    found = tall({"a": 2 * limit_in, "b": limit_in / 2 - 0.5, "c": limit_in / 2 - 0.5, "d": 0.1})
+    assert found == [
+        figures.Part("", ", 1 of 3", ["a"]),
+        figures.Part("_2", ", 2 of 3", ["b", "c"]),
+        figures.Part("_3", ", 3 of 3", ["d"]),
+    ]
+
+
+@pytest.mark.parametrize("study", ["another", "fingerprint_real"])
+def test_many_families_have_several_figures_that_show_each_once(tmp_path, study):
+    sites = [f"site_{number}" for number in range(24)]
+    rows = tuple(MEANS)
+    paths = [errors_file(tmp_path, row, MEANS[row], families=sites) for row in rows]
+    measured = [m.measure(read_row_errors([path])[0], row) for row, path in zip(rows, paths, strict=True)]
+    results = StudyResults(
+        study=study,
+        rows=rows,
+        sweeps={},
+        measures=pd.concat(measured, ignore_index=True),
+        error_files=tuple(paths),
+        observed={site: {} for site in sites},
+        truth={site: {} for site in sites},
+    )
+    drawn = draw(results)
+    means = [item for item in drawn if item.name.startswith("mean_error")]
+    assert len({item.name for item in drawn}) == len(drawn)
+    assert len(means) > 1
+    assert all(item.figure.get_size_inches()[1] <= figures.TALLEST_IN for item in drawn)
+    titles = [axes.get_title(loc="left") for item in means for axes in item.figure.axes if axes.get_visible()]
+    assert [title.split(" (")[0] for title in titles] == sites
+
+
 def test_captions_tell_samples_and_worlds(built):
     for line in json.loads((built["folder"] / "figures" / "captions.json").read_text()):
         assert f"n = {SAMPLES}" in line["caption"], line

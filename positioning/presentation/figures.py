@@ -2,10 +2,10 @@
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -25,6 +25,9 @@ from positioning.presentation.tones import is_control
 
 PERCENTILES = {"p50_m": 50, "p75_m": 75, "p90_m": 90, "p95_m": 95}
 _LEVELS = np.linspace(0, 100, 201)
+TALLEST_IN = 9.0
+"""On paper a taller figure is made smaller, until nobody can read it."""
+
 _FIRST_MARKER, _BETWEEN_MARKERS = 16, 60
 """Where the markers of a distribution stand, in steps of `_LEVELS`: three a curve."""
 
@@ -92,6 +95,43 @@ def save(drawn: Iterable[Drawn], folder: str | Path) -> None:
 def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
     """Return an empty figure whose parts keep clear of each other."""
     return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
+class Part(NamedTuple):
+    """Some of the families of a figure that is too tall for one page: how it is named, and which."""
+
+    suffix: str
+    words: str
+    families: list[str]
+
+
+def parts(families: Sequence[str], height_in: Callable[[Sequence[str]], float]) -> list[Part]:
+    """Divide families among figures of which none is taller than a page can show in readable type.
+
+    Parameters
+    ----------
+    families
+        All of them, in their order.
+    height_in
+        How tall a figure of some of them is, inches.
+
+    Returns
+    -------
+    list of Part
+        A single family may be taller; without families, none.
+    """
+    groups: list[list[str]] = []
+    for family in families:
+        if groups and height_in([*groups[-1], family]) <= TALLEST_IN:
+            groups[-1].append(family)
+        else:
+            groups.append([family])
+    if len(groups) < 2:
+        return [Part("", "", group) for group in groups]
+    return [
+        Part(f"_{number}" if number > 1 else "", f", {number} of {len(groups)}", group)
+        for number, group in enumerate(groups, start=1)
+    ]
 
 
 def measured_families(results: StudyResults) -> list[str]:

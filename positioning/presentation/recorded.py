@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -40,17 +41,30 @@ def draw(results: StudyResults) -> list[Drawn]:
     drawn = []
     for quantity, rows in groups.items():
         own = [family for family in families if _rows(results, family, rows)]
-        if own:
-            drawn += [_distributions(results, own, rows, quantity), _means(results, own, rows, quantity)]
+        legend_in = 0.2 * math.ceil(len(rows) / 3) + 0.2
+        for draw_part, line_in, more_in in (
+            (_distributions, 2.5, legend_in),
+            (_means, 0.8 + 0.2 * len(rows), 0.0),
+        ):
+            height_in = partial(_height_in, line_in=line_in, more_in=more_in)
+            drawn += [
+                draw_part(results, part, rows, quantity, height_in(part.families))
+                for part in figures.parts(own, height_in)
+            ]
     return drawn
 
 
+def _height_in(families: Sequence[str], *, line_in: float, more_in: float) -> float:
+    """Return how tall a figure with a panel a family is, inches."""
+    return math.ceil(len(families) / COLUMNS) * line_in + more_in
+
+
 def _distributions(
-    results: StudyResults, families: Sequence[str], rows: Sequence[str], quantity: str
+    results: StudyResults, part: figures.Part, rows: Sequence[str], quantity: str, height_in: float
 ) -> Drawn:
+    families = part.families
     lines = math.ceil(len(families) / COLUMNS)
-    legend_lines = math.ceil(len(rows) / 3)
-    figure = figures.new_figure(2.5 * lines + 0.2 * legend_lines + 0.2)
+    figure = figures.new_figure(height_in)
     panels = np.atleast_1d(figure.subplots(lines, min(COLUMNS, len(families)), squeeze=False)).ravel()
     handles: dict[str, Artist] = {}
     for axes, family in zip(panels, families, strict=False):
@@ -65,9 +79,9 @@ def _distributions(
         [handles[row] for row in shown], shown, loc="outside lower center", ncols=3, handlelength=2.4
     )
     return Drawn(
-        name=f"{PREFIX[quantity]}error_distribution",
+        name=f"{PREFIX[quantity]}error_distribution{part.suffix}",
         figure=figure,
-        title=f"Distribution of the {quantity} error in each recording",
+        title=f"Distribution of the {quantity} error in each recording{part.words}",
         caption=f"Share of {quantity} errors up to a given size; the number of samples, n, stands"
         f" above each panel, each recording is one world.{SAMPLE[quantity]} The axes differ, because the"
         f" sites differ in size.{_different(results, families, rows)}",
@@ -77,9 +91,12 @@ def _distributions(
     )
 
 
-def _means(results: StudyResults, families: Sequence[str], rows: Sequence[str], quantity: str) -> Drawn:
+def _means(
+    results: StudyResults, part: figures.Part, rows: Sequence[str], quantity: str, height_in: float
+) -> Drawn:
+    families = part.families
     lines = math.ceil(len(families) / COLUMNS)
-    figure = figures.new_figure(lines * (0.8 + 0.2 * len(rows)))
+    figure = figures.new_figure(height_in)
     panels = np.atleast_1d(
         figure.subplots(lines, min(COLUMNS, len(families)), squeeze=False, sharey=True)
     ).ravel()
@@ -101,9 +118,9 @@ def _means(results: StudyResults, families: Sequence[str], rows: Sequence[str], 
     for axes in panels[len(families) :]:
         axes.set_visible(False)
     return Drawn(
-        name=f"{PREFIX[quantity]}mean_error",
+        name=f"{PREFIX[quantity]}mean_error{part.suffix}",
         figure=figure,
-        title=f"Mean {quantity} error of each algorithm and recording",
+        title=f"Mean {quantity} error of each algorithm and recording{part.words}",
         caption=f"Mean {quantity} error; the line is one standard error to either side, which takes samples"
         " of one site for independent. n stands above each panel, each recording is one world; a row"
         f" without a dot did not run.{SAMPLE[quantity]}{_different(results, families, rows)}",

@@ -1,5 +1,6 @@
 """Figures of a study: a study's own set where it has one, otherwise the same two kinds for every study."""
 
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from importlib.util import find_spec
 
@@ -48,27 +49,32 @@ def default_figures(results: StudyResults) -> list[Drawn]:
                 alt=figures.distribution_alt(results, family, rows),
             )
         )
-    figure = figures.new_figure(0.6 + sum(0.5 + 0.26 * len(rows) for rows in rows_of.values()))
-    panels = np.atleast_1d(
-        figure.subplots(len(families), 1, height_ratios=[2 + len(rows) for rows in rows_of.values()])
-    )
-    for axes, family in zip(panels, families, strict=True):
-        rows = rows_of[family]
-        figures.bars(axes, results, family, rows)
-        axes.set_title(family)
-    drawn.append(
-        Drawn(
-            name="mean_error",
-            figure=figure,
-            title="Mean error",
-            caption=(
-                "Mean position error; the line is where single experiments lie. "
-                if any(len(figures.per_world(results, f, row)) > 1 for f in families for row in results.rows)
-                else "Mean position error. "
-            )
-            + "; ".join(f"{family}: {figures.counted(results, family)}" for family in families)
-            + f".{figures.differ(results, families)}",
-            alt="; ".join(figures.means_alt(results, family, rows_of[family]) for family in families),
-        )
-    )
+
+    def height_in(some: Sequence[str]) -> float:
+        return 0.6 + sum(0.5 + 0.26 * len(rows_of[family]) for family in some)
+
+    for part in figures.parts(families, height_in):
+        drawn.append(_means(results, part, rows_of, height_in(part.families)))
     return drawn
+
+
+def _means(
+    results: StudyResults, part: figures.Part, rows_of: Mapping[str, list[str]], height_in: float
+) -> Drawn:
+    families = part.families
+    figure = figures.new_figure(height_in)
+    ratios = [2 + len(rows_of[family]) for family in families]
+    panels = np.atleast_1d(figure.subplots(len(families), 1, height_ratios=ratios))
+    for axes, family in zip(panels, families, strict=True):
+        figures.bars(axes, results, family, rows_of[family])
+        axes.set_title(family)
+    several = any(len(figures.per_world(results, f, row)) > 1 for f in families for row in results.rows)
+    return Drawn(
+        name=f"mean_error{part.suffix}",
+        figure=figure,
+        title=f"Mean error{part.words}",
+        caption=f"Mean position error{'; the line is where single experiments lie' * several}. "
+        + "; ".join(f"{family}: {figures.counted(results, family)}" for family in families)
+        + f".{figures.differ(results, families)}",
+        alt="; ".join(figures.means_alt(results, family, rows_of[family]) for family in families),
+    )
