@@ -443,6 +443,10 @@ def test_the_control_needs_the_landmarks_that_are_seen() -> None:
     more = np.concatenate([truth.landmark_m, np.full((RUNS, 2, 3), np.nan)], axis=1)
     filled = track(ControlTrueMap(truth=replace(truth, landmark_m=more)))
     np.testing.assert_array_equal(filled.position_m, shipped("control_true_map").position_m)
+    # Landmarks that nobody sees change nothing, whatever their numbers.
+    more[:, -2:] = 1e3
+    filled = track(ControlTrueMap(truth=replace(truth, landmark_m=more)))
+    np.testing.assert_array_equal(filled.position_m, shipped("control_true_map").position_m)
 
 
 # Refusals

@@ -185,7 +185,8 @@ class _KnownMap(FlightRun):
     def __init__(self, recording: Recording, site: Site, settings: FlightFilter, landmark_m: Array) -> None:
         super().__init__(recording, site, settings)
         # A column of zeros in the covariance stays one: no sighting moves these landmarks.
-        map_m = landmark_m[:, : self.map.shape[1], [1, 0, 2]] * np.array([1.0, 1.0, -1.0])
+        # Landmarks above the highest number seen are in no state.
+        map_m = landmark_m[:, : self.marks, [1, 0, 2]] * np.array([1.0, 1.0, -1.0])
         known = np.isfinite(map_m).all(axis=-1)
         self.map[:, : map_m.shape[1]] = np.where(known[..., None], map_m, 0.0)
         self.known[:, : map_m.shape[1]] = known
