@@ -153,7 +153,7 @@ def combinations(range_m: ArrayLike, *, limit: int = 10_000) -> tuple[Array, NDA
     # As floating-point numbers, because many beacons overflow whole ones before the limit is compared.
     most = np.where(usable, np.prod(choices, axis=-1, dtype=np.float64), 0.0).max(initial=0.0)
     if most > limit:
-        told = f"{most:.0f}" if most < MANY else f"more than 10^{int(np.log10(most))}"
+        told = f"{most:.0f}" if most < MANY else f"at least 10^{int(np.log10(most))}"
         raise TooManyCombinations(
             "range_m",
             f"a sample has {told} combinations of candidate distances, at most {limit} are allowed",

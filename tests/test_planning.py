@@ -16,7 +16,7 @@ from conftest import ROOT, SMALL
 from planning import code
 from planning.checks import check_schema
 from planning.code import code_of, constructor_choices, constructor_parameters, fits, methods
-from planning.config import resolve
+from planning.config import check_limits, resolve
 from planning.entries import algorithm_files
 from planning.recordings import drop_absent, files_of
 
@@ -724,3 +724,23 @@ def test_a_claim_without_what_its_kind_needs_is_refused(claim: dict[str, Any]) -
     }
     with pytest.raises(InputError, match=r"paper\.claims\.0"):
         check_schema(paper, ROOT / "workflow/schemas/paper.schema.yaml", "paper")
+
+
+@pytest.mark.parametrize(
+    ("limits", "message"),
+    [
+        ({"outside": ["0.9", "1.1"], "at_least": "0.5"}, "at_least stands beside it"),
+        ({"outside": ["1.1", "0.9"]}, "1.1 and 0.9 descend"),
+        ({"at_least": "10", "at_most": "9.5"}, "10 and 9.5 descend"),
+    ],
+)
+def test_limits_that_no_number_or_every_number_keeps_to_are_refused(
+    limits: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        check_limits({**CLAIM, "kind": "bound", **limits}, "paper.claims.a")
+
+
+@pytest.mark.parametrize("limits", [{}, {"at_most": "1"}, {"at_least": "9.5", "at_most": "10"}])
+def test_limits_that_ascend_are_let_through(limits: dict[str, Any]) -> None:
+    check_limits({**CLAIM, "kind": "bound", **limits}, "paper.claims.a")

@@ -158,7 +158,7 @@ def test_too_many_combinations_are_an_error_that_names_the_cure():
         combinations(crowded)
     assert len(combinations(crowded, limit=22**3)[0]) == 2 * 22**3
     # So many that a whole number of 64 bits overflows.
-    with pytest.raises(InputError, match=r"more than 10\^21 combinations"):
+    with pytest.raises(InputError, match=r"at least 10\^21 combinations"):
         combinations(np.ones((1, 70, 2)))
 
 

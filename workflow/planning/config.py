@@ -23,11 +23,29 @@ def read_paper(root: Path, key: str) -> dict[str, Any]:
     Raises
     ------
     InputError
-        Where its file does not follow the schema.
+        Where its file does not follow the schema, or the limits of a claim ask for what cannot be.
     """
     paper: dict[str, Any] = read_yaml(root / PAPERS / f"{key}.yaml")
     check_schema(paper, root / SCHEMAS / "paper.schema.yaml", f"data/papers/{key}.yaml")
+    for claim in paper["claims"]:
+        check_limits(claim, f"data/papers/{key}.yaml.claims.{claim['id']}")
     return paper
+
+
+def check_limits(claim: Mapping[str, Any], where: str) -> None:
+    """Check that the limits of a claim ask one thing, and that it can be so.
+
+    Raises
+    ------
+    InputError
+        Where ``outside`` stands beside ``at_least`` or ``at_most``, or two limits descend.
+    """
+    sides = [key for key in ("at_least", "at_most") if key in claim]
+    if "outside" in claim and sides:
+        raise InputError(f"{where}.outside", f"{sides[0]} stands beside it", "Keep one of them")
+    limits = claim.get("outside") or [claim[key] for key in sides]
+    if len(limits) == 2 and float(limits[0]) > float(limits[1]):
+        raise InputError(where, f"its limits {limits[0]} and {limits[1]} descend", "Give the smaller first")
 
 
 def resolve(config: Mapping[str, Any], root: Path = Path()) -> dict[str, Study]:
