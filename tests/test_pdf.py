@@ -103,6 +103,12 @@ def test_saved_figures_repeat_to_the_byte_and_hold_their_fonts(tmp_path: Path) -
     assert b"/Type3" not in files["fig1.pdf"]
 
 
+def test_two_figures_of_one_name_are_refused_before_any_is_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="figure fig1: two figures have this name"):
+        save([drawn("fig1"), drawn("fig2"), drawn("fig1")], tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_figures_pdf_looks_like_its_svg_in_the_same_size(tmp_path: Path) -> None:
     """The SVG has outlines of letters, which need no font: each letter stands at its place in the PDF."""
     image = pytest.importorskip("PIL.Image")

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from positioning.errors import InputError
 from positioning.evaluation.measures import paired, published_numbers
 from positioning.evaluation.results import StudyResults
 from positioning.evaluation.statistics import Interval, single_experiment_interval
@@ -72,7 +74,18 @@ def save(drawn: Iterable[Drawn], folder: str | Path) -> None:
         Figures as `positioning.presentation.study_figures.draw` returns them.
     folder
         Where they go; it exists.
+
+    Raises
+    ------
+    InputError
+        If two figures have one name: the second would take the first one's file.
     """
+    drawn = list(drawn)
+    repeated = [name for name, times in Counter(item.name for item in drawn).items() if times > 1]
+    if repeated:
+        raise InputError(
+            f"figure {repeated[0]}", "two figures have this name, and a name is a file", "Rename one of them"
+        )
     captions = []
     with drawing():
         for item in drawn:
