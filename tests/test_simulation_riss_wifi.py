@@ -709,6 +709,16 @@ def test_a_schedule_keeps_to_its_speeds_and_stops(legs, stop):
     assert still.end_s == pytest.approx(len(waypoint) + np.sum(length / cruise + cruise / 0.5))
 
 
+def test_a_leg_just_long_enough_can_be_driven_wherever_it_begins():
+    begin = 6.7742120816457225
+    assert begin + 2.0 - begin < 2.0  # as it is stored, and two metres are needed
+    plan = schedule([0.0, begin, begin + 2.0], [1.0, 1.0], [1.0, 1.0, 1.0], acceleration_m_per_s2=0.5)
+    assert plan.end_s == pytest.approx(3 + begin + 2 + 2.0 + 2.0)
+    assert (np.diff(plan.time_s) >= 0).all()
+    with pytest.raises(InputError, match="acceleration_m_per_s2"):
+        schedule([0.0, begin, begin + 2 - 1e-9], [1.0, 1.0], [1.0, 1.0, 1.0], acceleration_m_per_s2=0.5)
+
+
 def test_a_schedule_refuses_what_cannot_be_driven():
     for cruise, rest, acceleration in ((-1.0, 0.0, 0.5), (1.0, -1.0, 0.5), (1.0, 0.0, 0.0), (1.0, 0.0, 0.1)):
         with pytest.raises(InputError, match="acceleration_m_per_s2"):

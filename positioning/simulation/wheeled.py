@@ -233,12 +233,15 @@ def schedule(
     rises_m = (cruise**2 - before**2) / (2 * acceleration_m_per_s2)
     falls_m = (cruise**2 - after**2) / (2 * acceleration_m_per_s2)
     even_m = leg - rises_m - falls_m
-    if not (even_m >= 0).all():
+    # A leg just long enough may come out shorter: way-points are rounded.
+    rounded_m = 4 * np.finfo(np.float64).eps * np.abs(waypoint).max(axis=-1, keepdims=True)
+    if not (even_m >= -rounded_m).all():
         raise InputError(
             "acceleration_m_per_s2",
             f"{acceleration_m_per_s2} m/s2 does not reach the speed of a leg within its length",
             "Give a higher acceleration, lower speeds or longer legs",
         )
+    even_m = np.maximum(even_m, 0.0)
     # Four knots for each leg: it begins, has its speed, brakes, ends; before it the vehicle may have rested.
     lasts = np.stack(
         [
